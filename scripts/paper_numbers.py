@@ -11,7 +11,7 @@ from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.materials import NYLON_FIBRES, NYLON_MODULUS, line_stiffness
-from cdpr_sim.studies.lines import PAPER_HEIGHTS
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line, paper_lines
 from studies import paper_numbers as study
 
 DIAMETER = 0.4e-3  # [m] of the fishing line
@@ -58,10 +58,8 @@ def performance() -> None:
 
 def tracker() -> None:
     """How much too low ``cogiro`` is with Vectran, the stiffest cable."""
-    robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
-    deviations = 1e3 * np.concatenate(
-        [study.line_deviation(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS]
-    )
+    vectran = [one for one in paper_lines(["cogiro"], settled_rows=ROWS) if one.robot.material == "vectran-0.7mm"]
+    deviations = -1e3 * np.concatenate([one.settled.deviation[:, 2] for one in vectran])
     console.print(
         f"cogiro with Vectran is {deviations.min():.3f} to {deviations.max():.3f} mm too low along the line, "
         f"{np.median(deviations):.3f} mm in the median; the paper's tracker has an accuracy of "
@@ -82,11 +80,10 @@ def nylon() -> None:
         cables.append((f"nylon of {modulus / 1e9:.1f} GPa, {1e3 * DIAMETER:g} mm", line_stiffness(modulus, DIAMETER)))
     for name, stiffness in cables:
         robot = cdpr.load_robot("parallel").replace(axial_stiffness=stiffness)
-        ends = [study.line_deviation(robot, height) for height in PAPER_HEIGHTS]
-        apart = max(np.abs(end.by_mujoco - end.by_statics).max() for end in ends)
-        rows.add_row(
-            name, f"{stiffness:.0f}", *(f"{1e3 * end.by_mujoco.mean():.1f}" for end in ends), f"{1e3 * apart:.0e}"
-        )
+        ends = [line(robot, height, PAPER_LINE, static_rows=2, settled_rows=2) for height in PAPER_HEIGHTS]
+        difference = max(np.abs((end.settled.deviation - end.static.deviation)[:, 2]).max() for end in ends)
+        deviations = [-1e3 * end.settled.deviation[:, 2].mean() for end in ends]
+        rows.add_row(name, f"{stiffness:.0f}", *(f"{one:.1f}" for one in deviations), f"{1e3 * difference:.0e}")
     console.print(rows)
 
 

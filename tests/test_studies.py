@@ -88,21 +88,15 @@ def test_both_methods_answer_the_same_line(robot):
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
 
 
-def test_lines_are_checked_by_the_other_method(monkeypatch):
+def test_lines_are_checked_by_the_other_method():
     """MuJoCo's rests against statics, which agree; against answers a millimetre beside them, nowhere."""
-    asked = {"layout": "parallel", "materials": ["fishing-0.4mm"], "heights": [0.1], "rows": 2}
-    (checked,) = checked_lines.checked_lines(**asked).values()
-    assert checked.settled.source == "mujoco"
-    assert [one.verdict for one in checked.agreements] == [Verdict.AGREE] * 2
-    solve = checked_lines.solve_many
-
-    def beside(problems):
-        found = solve(problems)
-        return dataclasses.replace(found, positions=found.positions + 1e-3)
-
-    monkeypatch.setattr(checked_lines, "solve_many", beside)
-    (checked,) = checked_lines.checked_lines(**asked).values()
-    assert [one.verdict for one in checked.agreements] == [Verdict.DISAGREE] * 2
+    robot = cdpr.load_robot("parallel").replace(material="fishing-0.4mm")
+    checked = studies.line(robot, 0.1, studies.PAPER_LINE, static_rows=2, settled_rows=2)
+    assert (checked.static.source, checked.settled.source) == ("newton", "mujoco")
+    assert [one.verdict for one in checked_lines.agreements(checked)] == [Verdict.AGREE] * 2
+    beside = dataclasses.replace(checked.static, positions=checked.static.positions + 1e-3)
+    others = checked_lines.agreements(studies.Line(beside, checked.settled))
+    assert [one.verdict for one in others] == [Verdict.DISAGREE] * 2
 
 
 def test_rests_are_those_of_solve_and_settle():

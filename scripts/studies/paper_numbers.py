@@ -1,4 +1,4 @@
-"""The paper's numbers and ours: performance of SEECR (section III F), deviation in z along its line (section IV)."""
+"""The paper's numbers and ours: performance of SEECR (section III F)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.settle import settle
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.newton import solve_many
@@ -90,49 +89,3 @@ def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, flo
     except NotConverged as error:
         found, solved = error.equilibrium, False
     return (found.iterations if found is not None else 0), time.perf_counter() - start, solved
-
-
-@dataclass(frozen=True, eq=False)
-class LineDeviation:
-    """Deviation of a layout in -z along the paper's line, by both methods.
-
-    Attributes:
-        robot: the layout with its cables.
-        height: commanded z [m].
-        x: commanded, (poses,) [m].
-        static: by the static solver, one per pose.
-        settled: by MuJoCo, one per pose.
-    """
-
-    robot: Robot
-    height: float
-    x: Float[np.ndarray, " poses"]
-    static: tuple[Equilibrium, ...]
-    settled: tuple[Equilibrium, ...]
-
-    @property
-    def by_statics(self) -> Float[np.ndarray, " poses"]:
-        """Deviation in -z by statics [m]."""
-        return np.array([-one.deviation[2] for one in self.static])
-
-    @property
-    def by_mujoco(self) -> Float[np.ndarray, " poses"]:
-        """Deviation in -z by MuJoCo [m]."""
-        return np.array([-one.deviation[2] for one in self.settled])
-
-
-def line_deviation(robot: Robot, height: float, *, rows: int = 2) -> LineDeviation:
-    """Deviation at ``rows`` poses of the paper's line, including its two ends.
-
-    Raises:
-        NotConverged: the static solver found no equilibrium at some pose.
-        NotSettled: MuJoCo did not settle at some pose.
-    """
-    poses = along_x(robot, height, PAPER_LINE, rows)
-    return LineDeviation(
-        robot,
-        height,
-        poses[:, 0],
-        tuple(solvers.solve(robot, pose) for pose in poses),
-        tuple(settle(robot, pose) for pose in poses),
-    )
