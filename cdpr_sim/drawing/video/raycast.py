@@ -82,16 +82,12 @@ class RayCaster:
         self._sky = np.array([model.vis.rgba.haze[:3], _top_of_sky(model)], dtype=float)
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
-        """The scene, from its own camera.
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """Start to draw the present scene, from its own camera, in a thread; the returned function waits for it.
 
         One ray per pixel identifies the visible shape; pixels at edges are supersampled. Shapes of other types (meshes,
         arrows, text) are left out.
         """
-        return self.start(scene, width, height)()
-
-    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """Start to ``draw`` the present scene in a thread; the returned function waits for the picture."""
         scale = style.SUPERSAMPLING
         cameras = np.array([_camera(scene, width, height), _camera(scene, scale * width, scale * height)])
         shot = _Shot(*_geoms(scene), cameras, _lights(scene))
