@@ -21,6 +21,7 @@ from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.drawing import style
+from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import (
     better_layouts,
     lines,
@@ -225,15 +226,14 @@ def test_the_tilt_condition_says_how_far_and_how_much():
 
 
 @pytest.fixture(scope="module")
-def forms() -> two_cable.ClosedForms:
+def forms() -> two_cable.TwoCableBar:
     robot = cdpr.load_robot("two-cable")
     along = lines.along_x(robot, 0.2, (0.2, 0.6), 5)
     few = [(0.3, 0, 0.3), (0.5, 0, 0.2)]
-    turns = RANDOM.uniform(0.1, 0.4, 5)
-    return two_cable.ClosedForms(
+    return two_cable.TwoCableBar(
         lines.Line(made_up(robot, along), made_up(robot, along[::2])),
-        turns, turns - 0.3, made_up(robot, few), made_up(robot, few), np.array([0.3, -0.2]),
-    )  # fmt: skip
+        lines.Line(made_up(robot, few), made_up(robot, few)),
+    )
 
 
 def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
@@ -242,18 +242,22 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
     top, bottom = figure.axes
     static, settled = forms.line.static, forms.line.settled
     beta = np.degrees(static.euler[:, 1])
+    closed, short = (
+        np.degrees([form(static.robot, position) for position in static.positions])
+        for form in (two_cable.upright, two_cable_closed_form.short_bar_rotation)
+    )
     drawn = {str(line.get_label()): line for line in top.lines}
     for name, x, y in (
-        ("closed form, with the bar's length", static.positions[:, 0], np.degrees(forms.closed_form)),
-        ("closed form of a short bar (paper, corrected)", static.positions[:, 0], np.degrees(forms.short_bar)),
+        ("closed form, with the bar's length", static.positions[:, 0], closed),
+        ("closed form of a short bar (paper, corrected)", static.positions[:, 0], short),
         ("static solver", static.positions[:, 0], beta),
         ("MuJoCo, settled", settled.positions[:, 0], np.degrees(settled.euler[:, 1])),
     ):
         np.testing.assert_allclose(drawn[name].get_xydata(), np.transpose([x, y]))
     errors = {str(line.get_label()): line.get_ydata() for line in bottom.lines}
-    np.testing.assert_allclose(errors["closed form"], np.degrees(forms.closed_form) - beta)
-    np.testing.assert_allclose(errors["short bar"], np.degrees(forms.short_bar) - beta)
-    most = np.abs(np.degrees(forms.short_bar) - beta).max()
+    np.testing.assert_allclose(errors["closed form"], closed - beta)
+    np.testing.assert_allclose(errors["short bar"], short - beta)
+    most = np.abs(short - beta).max()
     assert figure.get_suptitle().replace("\n", " ").endswith(f"has an error of up to {most:.1f}° of tilt")
     assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x of the bar [m]", "error to static solver [°]")
 
@@ -262,18 +266,22 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     """Level where it was commanded, as it would have to tilt there, and where and how it rests by either method."""
     figure = two_cable.draw_poses(forms)
     (ax,) = figure.axes
-    names, equilibria = legend(ax), forms.poses
+    names, equilibria = legend(ax), forms.poses.static
     commanded = equilibria.problems.positions
     anchors = equilibria.robot.anchors[[0, -1]]
     for name, positions, turns in (
         ("commanded, level", commanded, np.zeros(2)),
-        ("closed form: equilibrium tilt there", commanded, forms.balanced),
+        (
+            "closed form: equilibrium tilt there",
+            commanded,
+            [two_cable.upright(equilibria.robot, position) for position in commanded],
+        ),
         ("static solver: equilibrium", equilibria.positions, equilibria.euler[:, 1]),
     ):
         bars = [line.get_xydata() for line in ax.lines if looks(line) == looks(names[name])]
         turned = [at + Rotation.from_euler("y", turn).apply(anchors) for at, turn in zip(positions, turns, strict=True)]
         np.testing.assert_allclose(bars, np.array(turned)[..., [0, 2]], atol=1e-12)
-    settled = forms.settled_poses
+    settled = forms.poses.settled
     ends = [settled.positions + settled.rotations @ anchor for anchor in (np.zeros(3), *anchors)]
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_gid() == "mujoco"])
     np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])
@@ -287,9 +295,8 @@ def test_the_drifts_colours_are_the_bars():
     """A piece of the curve has the colour that stands beside its stiffness."""
     robot = cdpr.load_robot("two-cable")
     commanded, stiffness = np.array([[0.2, 0, 0.3]]), np.array([1000.0, 100.0, 50.0, 15.0])
-    methods = [tuple(made_up(robot, commanded) for _ in stiffness) for _ in range(2)]
-    x, z = np.linspace(0.1, 0.7, 4), np.linspace(0.1, 0.4, 3)
-    study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *methods)
+    robots = [robot.replace(axial_stiffness=EA) for EA in stiffness]
+    study = two_cable.Manifold(*(tuple(made_up(one, commanded) for one in robots) for _ in range(2)))
     figure = two_cable.draw_manifold(study)
     front = next(ax for ax in figure.axes if "front view" in ax.get_title(loc="left"))
     bar = next(ax for ax in figure.axes if ax.get_ylabel() == "axial stiffness EA [N]")
@@ -560,13 +567,13 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
     assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
 
 
-def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
+def test_the_robots_that_real_cables_move_are_drawn_as_they_hang(monkeypatch):
     """A platform 5 mm beside where its winches believe it to be; ropes that sag by 3 to 10 mm, each by its own."""
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.02, pulley_axis=(0, 0, 1))
     equilibria = made_up(robot, [(0.3, 0.25, 0.1)])
     equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
-    real_cables._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
+    real_cables._pulleys(ax, equilibria)
     assert ax.get_title() == "DemoBot with 20 mm pulleys unknown to its winches: error of 5 mm"
     names = legend(ax)
     believed = [line for line in ax.lines if looks(line) == looks(names["commanded, with point exits"])]
@@ -578,9 +585,9 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables._ropes_with_mass(
-        ax, real_cables.CableExample(equilibria, np.stack([heavy.exits, middles, anchors], axis=1))
-    )
+    profiles = np.stack([heavy.exits, middles, anchors], axis=1)[None]
+    monkeypatch.setattr(real_cables, "cable_profiles", lambda _: profiles)
+    real_cables._ropes_with_mass(ax, equilibria)
     assert ax.get_title() == "The crane on steel ropes, with a sag of 3 to 10 mm"
     (inset,) = ax.child_axes
     assert inset.get_title() == "sag [mm], from exit to anchor"
