@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import timeit
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -59,21 +60,21 @@ def main() -> None:
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"{', '.join(GROUPS)}; default: all")
     parser.add_argument("--beside", metavar="FOLDER", help="another checkout, measured alternately with this one")
     parser.add_argument("--inside", choices=GROUPS, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
-        print(json.dumps([(what, target, number(found)) for what, target, found in GROUPS[asked.inside]()]))
+    options = parser.parse_args()
+    if options.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
+        print(json.dumps([(what, target, number(found)) for what, target, found in GROUPS[options.inside]()]))
         return
-    if not set(asked.groups) <= set(GROUPS):
-        parser.error(f"groups: found {' '.join(asked.groups)}, expected some of {', '.join(GROUPS)}")
-    trees = [str(Path(tree).resolve()) for tree in (Path(cdpr.__file__).parents[1], asked.beside) if tree]
+    if not set(options.groups) <= set(GROUPS):
+        parser.error(f"groups: found {' '.join(options.groups)}, expected some of {', '.join(GROUPS)}")
+    trees = [str(Path(tree).resolve()) for tree in (Path(cdpr.__file__).parents[1], options.beside) if tree]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in ("", "target", "here", *(["beside", "here / beside"] if asked.beside else [])):
+    for column in ("", "target", "here", *(["beside", "here / beside"] if options.beside else [])):
         table.add_column(column, justify="right" if column else "left")
-    for group in asked.groups or GROUPS:
+    for group in options.groups or GROUPS:
         rounds = [[measured(group, tree) for tree in trees] for _ in range(ROUNDS.get(group, 3) + 1)][1:]
         for row, (what, target, _) in enumerate(rounds[0][0]):
             found = [statistics.median(one[tree][row][2] for one in rounds) for tree in range(len(trees))]
-            ratio = [f"{found[0] / found[1]:.2f}"] if asked.beside else []
+            ratio = [f"{found[0] / found[1]:.2f}"] if options.beside else []
             table.add_row(
                 what.replace("[", r"\["),
                 target,
@@ -414,12 +415,7 @@ def each(ask: Callable[[int], object]) -> float:
 
 def times_of(work: Callable[[], object], repeats: int, clock: Callable[[], float]) -> float:
     """Time by this clock [s]; the median, without the first run."""
-    taken = []
-    for _ in range(repeats + 1):
-        begun = clock()
-        work()
-        taken.append(clock() - begun)
-    return statistics.median(taken[1:])
+    return statistics.median(timeit.repeat(work, timer=clock, repeat=repeats + 1, number=1)[1:])
 
 
 def positions(robot: cdpr.Robot, count: int) -> np.ndarray:

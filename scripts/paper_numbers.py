@@ -4,13 +4,11 @@ Run: python scripts/paper_numbers.py
 """
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.materials import NYLON_FIBRES, NYLON_MODULUS, line_stiffness
+from cdpr_sim.report.table_style import new_table
 from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line, paper_lines
 from studies import paper_numbers as study
 
@@ -30,10 +28,10 @@ def performance() -> None:
     """Iterations and time of each solver along the paper's line."""
     (fewest, most), (fast, slow) = study.PAPER_ITERATIONS, (1e3 * seconds for seconds in study.PAPER_SECONDS)
     results = study.performance(rows=ROWS)
-    rows = table(
+    rows = new_table(
         f"Along the paper's line: {len(results[0].x)} poses per row, two materials, two heights, one pose at a time",
         "robot", "solver", "solved", "iterations", "in the\nmiddle", "else-\nwhere",
-        "ms", "in the\nmiddle", "else-\nwhere",
+        "ms", "in the\nmiddle", "else-\nwhere", text_columns=0,
     )  # fmt: skip
     for one in results:
         iterations, milliseconds = one.iterations[one.solved], 1e3 * one.seconds[one.solved]
@@ -70,9 +68,10 @@ def tracker() -> None:
 
 def nylon() -> None:
     """How much too low ``parallel`` is at the ends of the line, with the materials and with soft to stiff nylon."""
-    rows = table(
+    rows = new_table(
         "parallel at the ends of the paper's line, settled in MuJoCo (the paper: about 15 mm too low)",
         "cable", "EA [N]", *(f"too low by [mm]\nat z = {z:g} m" for z in PAPER_HEIGHTS), "methods differ\nby [mm]",
+        text_columns=0,
     )  # fmt: skip
     cables = [(name, material.axial_stiffness) for name, material in cdpr.MATERIALS.items()]
     low, high = NYLON_FIBRES
@@ -85,14 +84,6 @@ def nylon() -> None:
         deviations = [-1e3 * end.settled.deviation[:, 2].mean() for end in ends]
         rows.add_row(name, f"{stiffness:.0f}", *(f"{one:.1f}" for one in deviations), f"{1e3 * difference:.0e}")
     console.print(rows)
-
-
-def table(title: str, *columns: str) -> Table:
-    """Return an empty table with these columns."""
-    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        made.add_column(escape(column), justify="right", no_wrap=True)
-    return made
 
 
 if __name__ == "__main__":

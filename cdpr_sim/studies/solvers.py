@@ -4,8 +4,10 @@
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
+import functools
 import time
-from collections.abc import Callable, Mapping, Sequence
+import timeit
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -16,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.describe import newtons
-from cdpr_sim.core.equilibrium import NotConverged, Stability
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import (
@@ -80,23 +82,22 @@ def convergence(
         one = robot.replace(axial_stiffness=EA)
         for method in methods:
             for j, position in enumerate(commanded):
-                start = time.perf_counter()
-                try:
-                    found = solvers.solve(one, position, method=method)
-                except NotConverged:
-                    found = None
-                seconds[method][i, j] = time.perf_counter() - start
-                if found is not None:
-                    solved[method][i] += 1
-                    stable[method][i] += found.stability is not Stability.UNSTABLE
-        compiled[i] = np.median([_seconds(newton.solve_many, one, commanded) for _ in range(REPEATS)]) / poses
+                found, balanced, seconds[method][i, j] = timed(one, position, method)
+                solved[method][i] += balanced
+                stable[method][i] += balanced and found is not None and found.stability is not Stability.UNSTABLE
+        repeated = timeit.repeat(functools.partial(newton.solve_many, one, commanded), number=1, repeat=REPEATS)
+        compiled[i] = np.median(repeated) / poses
     return Convergence(robot, stiffness, poses, solved, stable, seconds, compiled)
 
 
-def _seconds(function: Callable[..., object], *arguments: object) -> float:
+def timed(robot: Robot, position: ArrayLike, method: Method) -> tuple[Equilibrium | None, bool, float]:
+    """The best point that a solver found at a level pose, whether forces balance there, and its time [s]."""
     start = time.perf_counter()
-    function(*arguments)
-    return time.perf_counter() - start
+    try:
+        found, balanced = solvers.solve(robot, position, method=method), True
+    except NotConverged as error:
+        found, balanced = error.equilibrium, False
+    return found, balanced, time.perf_counter() - start
 
 
 @dataclass(frozen=True, eq=False)

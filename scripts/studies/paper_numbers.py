@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -10,14 +9,12 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.materials import PAPER_MATERIALS
-from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.newton import solve_many
 from cdpr_sim.statics.solve import Method
 from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, along_x
+from cdpr_sim.studies.solvers import timed
 
 PAPER_ITERATIONS, PAPER_SECONDS = (14, 286), (2e-3, 61e-3)
 """Smallest and largest values of SEECR, on an i7-10850H; "less iterations were needed at the center"."""
@@ -75,17 +72,8 @@ def performance(
         ]
         solve_many(robots[0], [position for _, position in problems])  # compiles before the timing
         for method in methods:
-            runs = [_timed(robot, position, method) for robot, position in problems]
-            iterations, seconds, solved = (np.array(column) for column in zip(*runs, strict=True))
+            found, solved, seconds = zip(*(timed(robot, position, method) for robot, position in problems), strict=True)
             x = np.array([position[0] for _, position in problems])
-            results.append(Performance(layout, method, x, iterations, seconds, solved))
+            iterations = np.array([0 if one is None else one.iterations for one in found])
+            results.append(Performance(layout, method, x, iterations, np.array(seconds), np.array(solved)))
     return tuple(results)
-
-
-def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, float, bool]:
-    start = time.perf_counter()
-    try:
-        found, solved = solvers.solve(robot, position, method=method), True
-    except NotConverged as error:
-        found, solved = error.equilibrium, False
-    return (found.iterations if found is not None else 0), time.perf_counter() - start, solved
