@@ -358,15 +358,16 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
     """Every held pose is in a curve; and where the methods disagree the title says so."""
     measured = results["agreement"]
     figure = solver_studies.draw_agreement(measured)
-    for one in measured:
-        curve = artist(figure, one.name)
-        assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.neutral]))
-    assert "agree at all 24 poses" in figure.get_suptitle()
     disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL, cdpr.Verdict.AGREE
+    for name, agreements in measured.items():
+        held = [one.position_error for one in agreements if one.verdict is not free]
+        assert np.array_equal(artist(figure, name).get_xdata(), np.sort(held))
+    assert "agree at all 24 poses" in figure.get_suptitle()
     for verdicts, title in (
         ([disagree] * 12, "agree at 12 of 24 poses; at 12 they disagree"),
         ([free] * 4 + [agree] * 8, "agree at 20 of 24 poses; 4 are neutrally stable"),
         ([free] * 4 + [disagree, *[agree] * 7], "agree at 19 of 24 poses; 4 are neutrally stable; at 1 they disagree"),
     ):
-        other = dataclasses.replace(measured[0], verdicts=tuple(verdicts))
-        assert title in solver_studies.draw_agreement([other, measured[1]]).get_suptitle().replace("\n", " ")
+        pairs = zip(measured["parallel"], verdicts, strict=True)
+        others = measured | {"parallel": [dataclasses.replace(one, verdict=verdict) for one, verdict in pairs]}
+        assert title in solver_studies.draw_agreement(others).get_suptitle().replace("\n", " ")

@@ -346,27 +346,31 @@ def test_each_solver_is_drawn_under_its_name():
 def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     """Positions in m, rotations in degrees, tensions in N; with what counts as the same, and crosses where free."""
     agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL
-    study = [
-        solvers.Differences(name, *(scale * 10.0 ** RANDOM.uniform(-12, -9, 4) for scale in (1, 10, 100)),
-                            (agree, agree, agree, free))
+    study = {
+        name: [
+            cdpr.Agreement(
+                verdict, (), *(scale * 10.0 ** RANDOM.uniform(-12, -9) for scale in (1, 10, 100)), True, 0.0, 0.0
+            )
+            for verdict in (agree, agree, agree, free)
+        ]
         for name in ("first", "second")
-    ]  # fmt: skip
+    }
     figure = solvers.draw_agreement(study)
     panels = {
-        "difference in position [m]": ("position_errors", 1.0, 1e-6),
-        "difference in rotation [°]": ("rotation_errors", 180 / np.pi, np.degrees(1e-5)),
-        "largest difference in a tension [N]": ("tension_errors", 1.0, 1e-3),
+        "difference in position [m]": ("position_error", 1.0, 1e-6),
+        "difference in rotation [°]": ("rotation_error", 180 / np.pi, np.degrees(1e-5)),
+        "largest difference in a tension [N]": ("tension_error", 1.0, 1e-3),
     }
     names = legend(figure)
     assert [ax.get_xlabel() for ax in figure.axes] == list(panels)
     for ax, (field, unit, tolerance) in zip(figure.axes, panels.values(), strict=True):
-        for one in study:
-            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} neutral"]
-            values = unit * getattr(one, field)
+        for name, agreements in study.items():
+            curve, cross = by_gid(ax)[name], by_gid(ax)[f"{name} neutral"]
+            values = unit * np.array([getattr(one, field) for one in agreements])
             np.testing.assert_allclose(curve.get_xdata(), np.sort(values[:3]))
             np.testing.assert_allclose(curve.get_ydata(), [100 / 3, 200 / 3, 100])
             np.testing.assert_allclose(cross.get_xdata(), values[3:])
-            assert looks(names[one.name])[:2] == looks(curve)[:2]
+            assert looks(names[name])[:2] == looks(curve)[:2]
         (line,) = (line for line in ax.lines if looks(line)[:2] == looks(names["tolerance"])[:2])
         np.testing.assert_allclose(line.get_xdata(), tolerance)
 
