@@ -232,7 +232,8 @@ def forms() -> two_cable.TwoCableBar:
     few = [(0.3, 0, 0.3), (0.5, 0, 0.2)]
     return two_cable.TwoCableBar(
         lines.Line(made_up(robot, along), made_up(robot, along[::2])),
-        lines.Line(made_up(robot, few), made_up(robot, few)),
+        made_up(robot, few),
+        made_up(robot, few),
     )
 
 
@@ -266,7 +267,7 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     """Level where it was commanded, as it would have to tilt there, and where and how it rests by either method."""
     figure = two_cable.draw_poses(forms)
     (ax,) = figure.axes
-    names, equilibria = legend(ax), forms.poses.static
+    names, equilibria = legend(ax), forms.poses
     commanded = equilibria.problems.positions
     anchors = equilibria.robot.anchors[[0, -1]]
     for name, positions, turns in (
@@ -281,7 +282,7 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
         bars = [line.get_xydata() for line in ax.lines if looks(line) == looks(names[name])]
         turned = [at + Rotation.from_euler("y", turn).apply(anchors) for at, turn in zip(positions, turns, strict=True)]
         np.testing.assert_allclose(bars, np.array(turned)[..., [0, 2]], atol=1e-12)
-    settled = forms.poses.settled
+    settled = forms.settled_poses
     ends = [settled.positions + settled.rotations @ anchor for anchor in (np.zeros(3), *anchors)]
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_gid() == "mujoco"])
     np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])

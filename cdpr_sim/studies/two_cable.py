@@ -52,11 +52,13 @@ class TwoCableBar:
 
     Attributes:
         line: the bar commanded along x.
-        poses: a few poses at a few heights, the same by both methods.
+        poses: a few poses at a few heights, by the static method.
+        settled_poses: the same poses by MuJoCo.
     """
 
     line: Line
-    poses: Line
+    poses: EquilibriumBatch
+    settled_poses: EquilibriumBatch
 
 
 def manifold(*, drifts: int = 49, settled_every: int = 12) -> Manifold:
@@ -87,7 +89,8 @@ def two_cable_bar(*, static_rows: int = 201, settled_rows: int = 25) -> TwoCable
     poses = np.concatenate([along_x(robot, z, ends, COLUMNS) for z in (0.1, 0.22, 0.34)])
     return TwoCableBar(
         line=line(robot, PAPER_HEIGHTS[0], ends, static_rows=static_rows, settled_rows=settled_rows),
-        poses=Line(all_solved(solve_many(robot, poses)), all_solved(settle_many(robot, poses))),
+        poses=all_solved(solve_many(robot, poses)),
+        settled_poses=all_solved(settle_many(robot, poses)),
     )
 
 
@@ -176,7 +179,7 @@ def draw_manifold(study: Manifold) -> Figure:
 @styled
 def draw_poses(study: TwoCableBar) -> Figure:
     """Fig. 4: commanded poses of the two-cable bar, its equilibrium tilt at these positions, and its equilibria."""
-    robot, equilibria, settled = study.poses.robot, study.poses.static, study.poses.settled
+    robot, equilibria, settled = study.poses.robot, study.poses, study.settled_poses
     deviation = 1e3 * np.abs(equilibria.deviation[:, 0]).max()
     figure = canvas(
         8.6,
