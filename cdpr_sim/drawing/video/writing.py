@@ -262,11 +262,10 @@ def _ahead(begun: Iterable[Callable[[], Picture]]) -> Iterator[Callable[[], Pict
 
 
 def _state_at(trajectory: Trajectory, fraction: float) -> int:
-    """The state nearest to ``fraction`` of the duration."""
+    """The state nearest to ``fraction`` of the duration, the later one of two."""
     times = trajectory.times
-    instant = times[0] + fraction * (times[-1] - times[0])
-    after = int(np.searchsorted(times, instant).clip(1, len(times) - 1))
-    return after if times[after] - instant <= instant - times[after - 1] else after - 1
+    away = np.abs(times - (times[0] + fraction * (times[-1] - times[0])))
+    return len(times) - 1 - int(away[::-1].argmin())
 
 
 def check_count(robots: int) -> None:
