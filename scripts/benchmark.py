@@ -1,12 +1,16 @@
 """Benchmark: what users wait for, with its targets, compared with another checkout.
 
-Run: python scripts/benchmark.py [peak] [first] [start] [call] [batch] [layouts] [answers] [threads] [video]
-[--beside FOLDER]
+Run: python scripts/benchmark.py [peak] [first] [start] [call] [batch] [sweeps] [layouts] [answers] [threads] [motion]
+[video] [frames] [--beside FOLDER]
 Numbers are medians over processes, after one that fills the caches. Both checkouts are measured alternately; nan is
 what a checkout cannot do. Timings vary between runs: compare ratios.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 import argparse
+import functools
+import itertools
 import json
 import math
 import os
@@ -15,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import timeit
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -24,8 +29,9 @@ from rich.console import Console
 from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.video.render import OpenGLUnavailable
 
-ROUNDS = {"start": 9, "call": 5, "answers": 1}
+ROUNDS = {"start": 9, "call": 5, "answers": 1, "sweeps": 1}
 """Processes for each group; 3 for others."""
 
 CALLS = 200  # poses, each solved once
@@ -37,6 +43,12 @@ SEED = 2026
 
 COMMAND = "from cdpr_sim.cli import main; main()"
 HUNDRED = "import cdpr_sim as cdpr; robot = cdpr.load_robot('parallel'); cdpr.solve_many(robot, [robot.home] * 100)"
+SWEEP = "import cdpr_sim as cdpr; cdpr.sweep('parallel', {grid}, store={store!r})"
+GRIDS = {10**4: (40, 25, 10), 10**6: (200, 100, 50), 10**7: (400, 250, 100)}  # the last is written to Zarr
+LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
+SPEED = 0.05  # m/s, largest speed; the mean is smaller by a factor of 1.875
+STEPS = 20_000  # of a winch model
+FRAMES, FPS, SIZE = 150, 30.0, (640, 480)  # of a video
 VIDEO = "video cogiro parallel --renderer raycast --force -o"  # 1280 x 720, 10 s at 30 frames a second
 
 Row = tuple[str, str, float | Callable[[], float]]
@@ -48,21 +60,21 @@ def main() -> None:
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"{', '.join(GROUPS)}; default: all")
     parser.add_argument("--beside", metavar="FOLDER", help="another checkout, measured alternately with this one")
     parser.add_argument("--inside", choices=GROUPS, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
-        print(json.dumps([(what, target, number(found)) for what, target, found in GROUPS[asked.inside]()]))
+    options = parser.parse_args()
+    if options.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
+        print(json.dumps([(what, target, number(found)) for what, target, found in GROUPS[options.inside]()]))
         return
-    if not set(asked.groups) <= set(GROUPS):
-        parser.error(f"groups: found {' '.join(asked.groups)}, expected some of {', '.join(GROUPS)}")
-    trees = [str(Path(tree).resolve()) for tree in (Path(cdpr.__file__).parents[1], asked.beside) if tree]
+    if not set(options.groups) <= set(GROUPS):
+        parser.error(f"groups: found {' '.join(options.groups)}, expected some of {', '.join(GROUPS)}")
+    trees = [str(Path(tree).resolve()) for tree in (Path(cdpr.__file__).parents[1], options.beside) if tree]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in ("", "target", "here", *(["beside", "here / beside"] if asked.beside else [])):
+    for column in ("", "target", "here", *(["beside", "here / beside"] if options.beside else [])):
         table.add_column(column, justify="right" if column else "left")
-    for group in asked.groups or GROUPS:
+    for group in options.groups or GROUPS:
         rounds = [[measured(group, tree) for tree in trees] for _ in range(ROUNDS.get(group, 3) + 1)][1:]
         for row, (what, target, _) in enumerate(rounds[0][0]):
             found = [statistics.median(one[tree][row][2] for one in rounds) for tree in range(len(trees))]
-            ratio = [f"{found[0] / found[1]:.2f}"] if asked.beside else []
+            ratio = [f"{found[0] / found[1]:.2f}"] if options.beside else []
             table.add_row(
                 what.replace("[", r"\["),
                 target,
@@ -82,47 +94,124 @@ def measured(group: str, tree: str) -> list[tuple[str, str, float]]:
 
 
 def number(found: float | Callable[[], float]) -> float:
-    """What is measured; nan where the checkout has no such function, argument or module."""
+    """What is measured; nan where the checkout has no such function, argument or module, or the machine no OpenGL."""
     try:
         return found() if callable(found) else found
-    except (AttributeError, ImportError, TypeError):
+    except (AttributeError, ImportError, TypeError, OpenGLUnavailable):
         return math.nan
 
 
 def first() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
-        busy, waited = process(COMMAND, "settle", "parallel", NUMBA_CACHE_DIR=folder)
+        busy, waited, _ = process(COMMAND, "settle", "parallel", NUMBA_CACHE_DIR=folder)
     yield "first answer, nothing compiled: processor [s]", "a quarter", busy
     yield "first answer, nothing compiled [s]", "a quarter", waited
     with tempfile.TemporaryDirectory() as folder:
-        busy, waited = process(HUNDRED, NUMBA_CACHE_DIR=folder)
+        busy, waited, _ = process(HUNDRED, NUMBA_CACHE_DIR=folder)
     yield "first hundred answers, nothing compiled: processor [s]", "4", busy
     yield "first hundred answers, nothing compiled [s]", "4", waited
 
 
 def start() -> Iterator[Row]:
-    busy, waited = process(COMMAND, "--help")
+    busy, waited, _ = process(COMMAND, "--help")
     yield "cdpr-sim --help: processor [s]", "", busy
     yield "cdpr-sim --help [s]", "0.35", waited
-    busy, waited = process(COMMAND, "settle", "parallel")
+    busy, waited, _ = process(COMMAND, "settle", "parallel")
     yield "cdpr-sim settle parallel: processor [s]", "", busy
     yield "cdpr-sim settle parallel [s]", "1.0", waited
 
 
 def video() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
-        busy, waited = process(COMMAND, *VIDEO.split(), f"{folder}/video.mp4")
+        busy, waited, _ = process(COMMAND, *VIDEO.split(), f"{folder}/video.mp4")
     yield "two robots, 300 frames, no OpenGL: processor [s]", "", busy
     yield "two robots, 300 frames, no OpenGL [s]", "12", waited
 
 
-def process(code: str, *words: str, **environment: str) -> tuple[float, float]:
-    """Processor time and wall time [s]."""
-    before, begun = os.times(), time.perf_counter()
+def frames() -> Iterator[Row]:
+    """Drawn and encoded; nan without OpenGL."""
+    motions = [cdpr.drive(robot, LINE, seconds=60.0, states=FRAMES) for robot in both()]
+    static = [cdpr.solve_trajectory(motion).poses for motion in motions]
+
+    def seconds(backend: str, robots: int, clock: Callable[[], float]) -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            options = dict(seconds=FRAMES / FPS, fps=FPS, size=SIZE, renderer=backend, force=True)
+            video = functools.partial(cdpr.write_video, Path(folder, "video.mp4"), **options)
+            return times_of(lambda: video(motions[-robots:], static[-robots:]), REPEATS, clock) / FRAMES
+
+    for backend, robots in itertools.product(("opengl", "raycast"), (1, 2)):
+        of = functools.partial(seconds, backend, robots)
+        what = f"frames of {robots} robot(s), {SIZE[0]} x {SIZE[1]}, {backend}"
+        yield f"{what}: each second", "", lambda of=of: 1 / of(time.perf_counter)
+        yield f"{what}, each: processor [ms]", "", lambda of=of: 1e3 * of(lambda: sum(os.times()[:4]))
+
+
+def motion() -> Iterator[Row]:
+    import mujoco
+
+    for name in ("cogiro", "parallel", "planar-vertical", "two-cable"):
+        robot = cdpr.load_robot(name)
+        model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
+        cost = often(functools.partial(mujoco.mj_step, model, mujoco.MjData(model), STEPS), 5) / STEPS
+        yield f"winch model, {name}: steps per second of processor", "", 1 / cost
+        yield f"winch model, {name}: times faster than real time", "", model.opt.timestep / cost
+    for robot in both():
+        controller, seconds = cdpr.PoseFeedback(cdpr.RigidLengths(robot)), 1.875 * 0.46 / SPEED
+        track = functools.partial(
+            cdpr.track, robot, LINE, controller, seconds=seconds, sensors=cdpr.Sensors(delay=0.01)
+        )
+        what = f"track along the paper's line, pose feedback at 100 Hz, {robot.name}"
+        yield f"{what}: processor [s]", "", lambda track=track: often(track, 5)
+        yield f"{what} [s]", "", lambda track=track: times_of(track, 5, time.perf_counter)
+
+
+def sweeps() -> Iterator[Row]:
+    with tempfile.TemporaryDirectory() as folder:
+        for poses, grid in GRIDS.items():
+            store = f"{folder}/sweep.zarr" if poses > 10**6 else None
+            busy, waited, most = process(SWEEP.format(grid=grid, store=store))
+            what = f"sweep of {poses:,} poses, parallel, into {'Zarr' if store else 'memory'}, with the start of Python"
+            yield f"{what}: processor [s]", "", busy
+            yield f"{what} [s]", "", waited
+            yield f"{what}: peak memory [MB]", "", most
+    for robot in both():
+        yield f"overhead of Dask on one core, {robot.name} [%]", "", functools.partial(overhead, robot)
+        for limits in ((0.0, np.inf), (0.1, 3.0)):
+            fast, slow = feasibility(robot, limits)
+            what = f"feasible, {robot.name}, {limits[0]:g} to {limits[1]:g} N"
+            yield f"{what}, each pose: processor [µs]", "", 1e6 * fast
+            yield f"{what}, times faster than HiGHS", "", slow / fast
+
+
+def overhead(robot: cdpr.Robot) -> float:
+    """By how much Dask lengthens a sweep [%]."""
+    from dask.config import set as configured
+
+    with configured(scheduler="synchronous"):
+        chunked = often(lambda: cdpr.sweep(robot, (100, 50, 20)))
+    return 100 * (chunked / often(lambda: cdpr.sweep(robot, (100, 50, 20), chunk=None)) - 1)
+
+
+def feasibility(robot: cdpr.Robot, limits: tuple[float, float]) -> tuple[float, float]:
+    """Processor time for each pose [s], and that of HiGHS."""
+    from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
+
+    poses, few = positions(robot, 2 * BATCH), positions(robot, 200)
+    fast = often(lambda: cdpr.feasible(robot, poses, tension_limits=limits))
+    slow = often(lambda: [feasible_by_linprog(robot, pose, tension_limits=limits) for pose in few], 1)
+    return fast / len(poses), slow / len(few)
+
+
+def process(code: str, *words: str, **environment: str) -> tuple[float, float, float]:
+    """Processor time and wall time [s], and peak memory [MB]."""
+    begun, nowhere = time.perf_counter(), subprocess.DEVNULL
     command = [sys.executable, "-P", "-c", code, *words]  # -P: PYTHONPATH comes first
-    subprocess.run(command, env=os.environ | environment, capture_output=True, check=True)
-    after, taken = os.times(), time.perf_counter() - begun
-    return sum(after[2:4]) - sum(before[2:4]), taken
+    child = subprocess.Popen(command, env=os.environ | environment, stdout=nowhere, stderr=nowhere)
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise subprocess.CalledProcessError(child.returncode, command)
+    return used.ru_utime + used.ru_stime, time.perf_counter() - begun, used.ru_maxrss / 1024
 
 
 def call() -> Iterator[Row]:
@@ -326,12 +415,7 @@ def each(ask: Callable[[int], object]) -> float:
 
 def times_of(work: Callable[[], object], repeats: int, clock: Callable[[], float]) -> float:
     """Time by this clock [s]; the median, without the first run."""
-    taken = []
-    for _ in range(repeats + 1):
-        begun = clock()
-        work()
-        taken.append(clock() - begun)
-    return statistics.median(taken[1:])
+    return statistics.median(timeit.repeat(work, timer=clock, repeat=repeats + 1, number=1)[1:])
 
 
 def positions(robot: cdpr.Robot, count: int) -> np.ndarray:
@@ -341,8 +425,8 @@ def positions(robot: cdpr.Robot, count: int) -> np.ndarray:
 
 
 GROUPS = {
-    "peak": peak, "first": first, "start": start, "call": call, "batch": batch, "layouts": layouts,
-    "answers": answers, "threads": threads, "video": video,
+    "peak": peak, "first": first, "start": start, "call": call, "batch": batch, "sweeps": sweeps, "layouts": layouts,
+    "answers": answers, "threads": threads, "motion": motion, "video": video, "frames": frames,
 }  # fmt: skip
 
 if __name__ == "__main__":

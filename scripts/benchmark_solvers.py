@@ -7,6 +7,7 @@ Times are medians over repetitions on one core unless stated otherwise. Timings 
 import argparse
 import os
 import time
+import timeit
 from collections.abc import Callable, Iterable
 from functools import partial
 
@@ -31,7 +32,7 @@ BATCH = 2_000  # side by side
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
 WHEEL = 0.05  # radius of pulleys, in characteristic lengths
-APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
+DISTANCE, ROTATION = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
 SEED = 2024
 
 console = Console(width=120)
@@ -49,13 +50,13 @@ def main() -> None:
         "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
         help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
     )  # fmt: skip
-    asked = parser.parse_args()
-    share = 10 if asked.quick else 1
-    if asked.lanes or asked.settling:
-        if asked.lanes:
-            lanes(asked.lanes, asked.robots or cdpr.list_robots())
-        if asked.settling:
-            settling(asked.settling)
+    options = parser.parse_args()
+    share = 10 if options.quick else 1
+    if options.lanes or options.settling:
+        if options.lanes:
+            lanes(options.lanes, options.robots or cdpr.list_robots())
+        if options.settling:
+            settling(options.settling)
         return
     static(POSES // share, max(SCIPY_POSES // share, 10))
     neighbours(LINES // share)
@@ -80,7 +81,7 @@ def static(poses: int, scipy_poses: int) -> None:
         newton.solve_many(robot, positions[:100])  # compile
         for stiffness in STIFFNESSES:
             stiff = robot.replace(axial_stiffness=stiffness)
-            seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
+            seconds = timeit.repeat(partial(newton.solve_many, stiff, positions), number=1, repeat=REPETITIONS)
             solutions = newton.solve_many(stiff, positions)
             stability = solutions.stability
             ours.add_row(
@@ -113,7 +114,7 @@ def lanes(poses: int, names: Iterable[str]) -> None:
     """
     rows = table(
         f"Eight poses at once beside one, {poses:,} random poses per robot; processor time",
-        "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "further apart", "of those stable",
+        "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "different", "of those stable",
     )  # fmt: skip
     robots = {name: cdpr.load_robot(name) for name in names}
     robots = {name: robot for name, robot in robots.items() if robot.cabling.massless}
@@ -129,19 +130,19 @@ def lanes(poses: int, names: Iterable[str]) -> None:
                 found[compiling.LANES_FROM] = newton.solve_many(robot, positions)
                 seconds[compiling.LANES_FROM].append(time.process_time() - start)
         one, eight = found[np.inf], found[1]
-        apart = np.abs(one.positions - eight.positions).max(-1) > APART
-        apart |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > TURNED
-        apart |= one.status != eight.status
+        differ = np.abs(one.positions - eight.positions).max(-1) > DISTANCE
+        differ |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > ROTATION
+        differ |= one.status != eight.status
         stable = stably(one) & stably(eight)
         same = (one.iterations == eight.iterations).mean()
         slow, fast = (1e6 * min(seconds[number]) / poses for number in (np.inf, 1))
         rows.add_row(
             name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}", f"{same:.2%}",
-            f"{(~stable).mean():.1%}", f"{apart.sum():,}", f"{(apart & stable).sum():,}",
+            f"{(~stable).mean():.1%}", f"{differ.sum():,}", f"{(differ & stable).sum():,}",
         )  # fmt: skip
-        for row in np.flatnonzero(apart & stable)[:5]:
+        for row in np.flatnonzero(differ & stable)[:5]:
             console.print(
-                name, positions[row], "apart by", np.abs(one.positions[row] - eight.positions[row]).max(),
+                name, positions[row], "difference", np.abs(one.positions[row] - eight.positions[row]).max(),
                 "eigenvalues", one.eigenvalues[row][[0, -1]], "residuals", one.residuals[row], eight.residuals[row],
             )  # fmt: skip
     console.print(rows)
@@ -211,9 +212,15 @@ def physics(settles: int, batch: int) -> None:
             lower, upper = robot.workspace
             positions = np.random.default_rng(SEED).uniform(lower, upper, (batch, 3))
             cdpr.settle(robot, positions[0])  # compile the model
-            single = [timed(cdpr.settle, robot, position) for position in positions[:settles]]
+            single = [
+                timeit.timeit(partial(cdpr.settle, robot, position), number=1) for position in positions[:settles]
+            ]
             one, all_cores = (
-                np.median([timed(cdpr.settle_many, robot, positions, threads=threads) for _ in range(REPETITIONS)])
+                np.median(
+                    timeit.repeat(
+                        partial(cdpr.settle_many, robot, positions, threads=threads), number=1, repeat=REPETITIONS
+                    )
+                )
                 for threads in (1, 0)
             )
             many = cdpr.settle_many(robot, positions)
@@ -235,7 +242,7 @@ def settling(poses: int) -> None:
     """Processor time to settle with and without Newton's method, how far the equilibria differ, and to check."""
     rows = table(
         f"Settling {poses:,} random poses on one thread, by motion alone and with Newton's method; processor time",
-        "robot", "steps, motion", "1/s", "steps, Newton", "1/s", "apart [m]", "checks, 1/s",
+        "robot", "steps, motion", "1/s", "steps, Newton", "1/s", "difference [m]", "checks, 1/s",
     )  # fmt: skip
     for name in [*ROBOTS, "ipanema-1", "falcon-7"]:
         robot = cdpr.load_robot(name)
@@ -252,19 +259,12 @@ def settling(poses: int) -> None:
         start = time.process_time()
         cdpr.check(robot, poses=positions, threads=1)
         checks = poses / (time.process_time() - start)
-        apart = np.nanmax(np.abs(found[0.0].positions - found[ready].positions))
+        difference = np.nanmax(np.abs(found[0.0].positions - found[ready].positions))
         rows.add_row(
             name, f"{found[0.0].iterations.mean():.1f}", f"{rates[0.0]:,.0f}", f"{found[ready].iterations.mean():.1f}",
-            f"{rates[ready]:,.0f}", f"{apart:.0e}", f"{checks:,.0f}",
+            f"{rates[ready]:,.0f}", f"{difference:.0e}", f"{checks:,.0f}",
         )  # fmt: skip
     console.print(rows)
-
-
-def timed(call: Callable[..., object], *arguments: object, **keywords: object) -> float:
-    """Time of a call [s]."""
-    start = time.perf_counter()
-    call(*arguments, **keywords)
-    return time.perf_counter() - start
 
 
 def table(title: str, *columns: str) -> Table:

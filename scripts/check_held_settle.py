@@ -29,20 +29,18 @@ STEPS = 64
 """Held equilibria from pose to pose."""
 
 if __name__ == "__main__":
-    asked = argparse.ArgumentParser(description="Held equilibria against slow winding in MuJoCo")
-    asked.add_argument("--counts", type=int, nargs="*", default=[512, 2048, 8192], help="time steps from pose to pose")
-    asked.add_argument("--poses", type=int, default=21, help="poses on the line")
-    options = asked.parse_args()
+    parser = argparse.ArgumentParser(description="Held equilibria against slow winding in MuJoCo")
+    parser.add_argument("--counts", type=int, nargs="*", default=[512, 2048, 8192], help="time steps from pose to pose")
+    parser.add_argument("--poses", type=int, default=21, help="poses on the line")
+    options = parser.parse_args()
     line = np.linspace([0.17, 0.25, 0.1], [0.17 + 0.023 * (options.poses - 1), 0.25, 0.1], options.poses)
     path = np.concatenate([line, line[-2::-1]])
     for name, (title, elements) in itertools.product(("cogiro", "parallel"), ROPES.items()):
         robot = cdpr.load_robot(name).replace(hysteresis=elements)
         held = cdpr.settle_path(robot, path, steps=STEPS)
-        begun = cdpr.settle_path(robot, path[:1])
+        start = cdpr.settle_path(robot, path[:1])
         for count in options.counts:
-            winding = Winding(robot, begun)
+            winding = Winding(robot, start)
             found = [winding.wind(*ends, count) for ends in itertools.pairwise(path)]
-            apart = np.linalg.norm(found - held.positions[1:], axis=1).max()
-            print(
-                f"{name}, {title}: {count:6d} time steps: {apart:.1e} m; up to {held.slack.sum(1).max()} cables slack"
-            )
+            most = np.linalg.norm(found - held.positions[1:], axis=1).max()
+            print(f"{name}, {title}: {count:6d} time steps: {most:.1e} m; up to {held.slack.sum(1).max()} cables slack")

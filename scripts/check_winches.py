@@ -87,7 +87,7 @@ def main() -> None:
             *(("discrete", step) for step in (10, 5, 2)),
             *((one, step) for one in ("Euler", "implicitfast") for step in steps),
         ]:
-            seconds, restless, elsewhere = [], [], 0
+            seconds, unsettled, elsewhere = [], [], 0
             for model, data, controls, static in cases:
                 model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
                 model.opt.timestep = step / 1000
@@ -97,11 +97,11 @@ def main() -> None:
                 elif is_equilibrium(data, static):
                     elsewhere += 1
                 else:
-                    restless.append(static.problem.robot.name)
+                    unsettled.append(static.problem.robot.name)
             table.add_row(
                 f"{stiffness:g}", integrator, f"{step:g}", f"{len(seconds)} of {len(cases)}", f"{elsewhere}",
                 f"{np.median(seconds):.1f}", f"{np.max(seconds):.0f}",
-                ", ".join(f"{restless.count(name)} {name}" for name in sorted(set(restless))),
+                ", ".join(f"{unsettled.count(name)} {name}" for name in sorted(set(unsettled))),
             )  # fmt: skip
     console.print(table)
 

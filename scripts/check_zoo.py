@@ -19,9 +19,9 @@ HEAD = (
     "different",
     "disagree",
     "unsolved",
-    "apart [mm]",
+    "diff. [mm]",
     "tension [N]",
-    "apart [N]",
+    "diff. [N]",
 )
 
 

@@ -115,10 +115,10 @@ def equilibrium_constants() -> Iterator[Row]:
         beside = poses + np.random.default_rng(SEED + 1).normal(size=poses.shape) * 0.002
         again = cdpr.solve_many(robot, beside, rest_lengths=found.rest_lengths)
         turned = np.asarray((found.poses.rotation.inv() * again.poses.rotation).magnitude())
-        apart = np.hypot(np.linalg.norm(found.positions - again.positions, axis=1) / arm, turned)
+        distances = np.hypot(np.linalg.norm(found.positions - again.positions, axis=1) / arm, turned)
         held = ~free & (again.eigenvalues[:, 0] * arm / robot.weight > FREE)
-        nearer = max(nearer, apart[held & (apart < equilibria.SAME)].max())
-        farther = min(farther, apart[held & (apart > equilibria.SAME)].min(initial=np.inf))
+        nearer = max(nearer, distances[held & (distances < equilibria.SAME)].max())
+        farther = min(farther, distances[held & (distances > equilibria.SAME)].min(initial=np.inf))
     same = f"equilibria.SAME = {equilibria.SAME:g}"
     yield Row(
         same, "two solutions of one constrained equilibrium, at most", f"{nearer:.0e}", nearer < equilibria.SAME / 1e3
@@ -150,11 +150,14 @@ def unseen(*unknowns: str) -> float:
 
 
 def identifications() -> Iterator[Row]:
-    """What rounding leaves of unknowns that cannot be told apart, and of those that can."""
+    """What rounding leaves of unknowns that cannot be distinguished, and of those that can."""
     least, name = identifiability.UNSEEN, f"UNSEEN = {identifiability.UNSEEN:g}"
-    same, apart = unseen("axial_stiffness", "mass"), unseen("axial_stiffness", "rest_length_offsets", "center_of_mass")
+    same, distinct = (
+        unseen("axial_stiffness", "mass"),
+        unseen("axial_stiffness", "rest_length_offsets", "center_of_mass"),
+    )
     yield Row(name, "EA and mass, which have the same effect", f"{same:.0e}", same < least / 10)
-    yield Row(name, "EA, offsets and centre of mass", f"{apart:.0e}", apart > 100 * least)
+    yield Row(name, "EA, offsets and centre of mass", f"{distinct:.0e}", distinct > 100 * least)
     worse, name = identifiability.WORSE, f"WORSE = {identifiability.WORSE:g}"
     whole = max(predictions(6, COORDINATES, 2e-5, 10))
     yield Row(name, "9 unknowns by 36 numbers that determine them, at most", f"{whole:.2f}", whole < worse)
@@ -228,15 +231,15 @@ def balances() -> Iterator[Row]:
 
 def methods() -> Iterator[Row]:
     """Deviation of MuJoCo's equilibria from statics, and MuJoCo's residual at static equilibria."""
-    apart = []
+    distances = []
     for robot in robots():
         poses = random_poses(robot, 1000)
         static, settled = cdpr.solve_many(robot, poses), cdpr.settle_many(robot, poses)
         held = static.eigenvalues[:, 0] * robot.characteristic_length / robot.weight > FREE
-        apart.append(np.linalg.norm(static.positions - settled.positions, axis=1)[held].max())
+        distances.append(np.linalg.norm(static.positions - settled.positions, axis=1)[held].max())
     yield Row(
         f"POSITION_TOLERANCE = {POSITION_TOLERANCE:g}", "between the methods at 4,000 random poses [m], at most",
-        f"{max(apart):.0e}", max(apart) < POSITION_TOLERANCE / 100,
+        f"{max(distances):.0e}", max(distances) < POSITION_TOLERANCE / 100,
     )  # fmt: skip
     solved = [cdpr.solve(robot, pose) for robot in robots() for pose in random_poses(robot, 10)]
     released = [cdpr.release(one, seconds=2.0) for one in solved if one.stable]

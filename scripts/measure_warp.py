@@ -2,7 +2,7 @@
 
     python scripts/measure_warp.py [ROBOT ...]
 
-And the deviation of the worlds' rests from those of MuJoCo, for integrators and time steps.
+And the deviation of the worlds' equilibria from those of MuJoCo, for integrators and time steps.
 """
 
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
@@ -56,7 +56,7 @@ def rates(model: mujoco.MjModel) -> None:
 
 
 def deviations(robot: cdpr.Robot, model: mujoco.MjModel) -> None:
-    """Print how far rests are from those of MuJoCo, and how much forces change there."""
+    """Print the distance of equilibria from those of MuJoCo, and how much forces change there."""
     rest = mujoco.MjData(model)
     while rest.time < 1 or np.abs(rest.qvel).max() > 1e-9:
         mujoco.mj_step(model, rest)

@@ -13,7 +13,7 @@ from studies.measured_robot import MODELS, NATURAL, RIGID, fits, swinging_freque
 from studies.measured_robot_figures import draw_measured_robot
 
 LEFT_OUT = ("with AHRS zeros", "with a drive line", "with an EA per cable")  # of the figure
-TOLD = "elastic, all"  # the model whose unknowns are listed
+LISTED = "elastic, all"  # the model whose unknowns are listed
 DPI = 150
 OUTPUT = Path(__file__).parent.parent / "pictures" / "measured-robot.png"
 
@@ -35,10 +35,10 @@ def main() -> None:
         sizes = [f"{fit.rms(kind, p):.2f}" for kind in ("tension", "rotation", "swivel") for p in (False, True)]
         table.add_row(name, str(fit.unknowns), "-" if np.isnan(fit.aicc) else f"{fit.aicc:.0f}", EA, *sizes)
     console.print(table)
-    told = found[TOLD].found
-    assert told is not None
-    console.print(identification_table(told))
-    console.print(identification_note(told))
+    listed = found[LISTED].found
+    assert listed is not None
+    console.print(identification_table(listed))
+    console.print(identification_note(listed))
     (robust,) = fits(["elastic, calibrated"], robust=True)
     assert robust.found is not None
     value, error = robust.found["axial_stiffness"]
@@ -51,7 +51,7 @@ def main() -> None:
         "Natural frequencies with locked cables [Hz]; measured: "
         + ", ".join(f"{name} {low:.2f} to {high:.2f}" for name, (low, high) in NATURAL.items())
     )
-    for EA in (RIGID, told["axial_stiffness"][0]):
+    for EA in (RIGID, listed["axial_stiffness"][0]):
         print(f"  EA {EA:9.3g} N: " + ", ".join(f"{one:.2f}" for one in swinging_frequencies(EA)))
     OUTPUT.parent.mkdir(exist_ok=True)
     with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]

@@ -470,15 +470,15 @@ def copied_tree() -> tuple[Path, str]:
 
 
 def main() -> int:
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     folders = sorted(path.name for path in (ROOT / "cdpr_sim").iterdir() if (path / "__init__.py").exists())
-    asked.add_argument("folders", nargs="*", choices=[*folders, []], metavar="FOLDER", help=", ".join(folders))
-    asked.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="files of tests, by default all")
-    asked.add_argument("--count", type=int, default=100, help="number of faults, 100 by default")
-    asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that record the tests")
-    asked.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
-    options = asked.parse_args()
+    parser.add_argument("folders", nargs="*", choices=[*folders, []], metavar="FOLDER", help=", ".join(folders))
+    parser.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="files of tests, by default all")
+    parser.add_argument("--count", type=int, default=100, help="number of faults, 100 by default")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that record the tests")
+    parser.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
+    options = parser.parse_args()
     faults = sample(options.folders, options.count, options.seed)
     tree, digest = copied_tree()
     record = recorded(tree, digest, options.tests, options.jobs)

@@ -96,17 +96,17 @@ def answers(file: Path, mutations: int, seed: int, folder: Path) -> Iterator[tup
 
 
 def answer(file: Path) -> tuple[str, str]:
-    """What the importer makes of a file: "robot", "sentence", or what is wrong; and what was said."""
+    """What the importer makes of a file: "robot", "sentence", or what is wrong; and its text."""
     start = time.thread_time()
     try:
-        said = repr(cdpr.import_robot(file))
+        text = repr(cdpr.import_robot(file))
         kind = "robot"
     except cdpr.InvalidInput as error:
-        said = str(error)
-        kind = "sentence" if said.isprintable() and len(said) < LONGEST else "no sentence"
+        text = str(error)
+        kind = "sentence" if text.isprintable() and len(text) < LONGEST else "no sentence"
     except Exception as error:  # the kind of error that this script looks for
-        said, kind = f"{error!r:.300}", "another exception"
-    return ("too slow" if time.thread_time() - start > SLOWEST else kind), said
+        text, kind = f"{error!r:.300}", "another exception"
+    return ("too slow" if time.thread_time() - start > SLOWEST else kind), text
 
 
 def main() -> None:
@@ -127,8 +127,8 @@ def main() -> None:
         wrong += bad
         table.add_row(file.name, str(counts["robot"]), str(counts["sentence"]), str(len(bad)))
     Console().print(table)
-    for kind, said in wrong[:20]:
-        print(f"{kind}: {said}")
+    for kind, text in wrong[:20]:
+        print(f"{kind}: {text}")
     sys.exit(1 if wrong else 0)
 
 

@@ -4,14 +4,12 @@ Run: python scripts/paper_numbers.py
 """
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.materials import NYLON_FIBRES, NYLON_MODULUS, line_stiffness
-from cdpr_sim.studies.lines import PAPER_HEIGHTS
+from cdpr_sim.report.table_style import new_table
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line, paper_lines
 from studies import paper_numbers as study
 
 DIAMETER = 0.4e-3  # [m] of the fishing line
@@ -30,10 +28,10 @@ def performance() -> None:
     """Iterations and time of each solver along the paper's line."""
     (fewest, most), (fast, slow) = study.PAPER_ITERATIONS, (1e3 * seconds for seconds in study.PAPER_SECONDS)
     results = study.performance(rows=ROWS)
-    rows = table(
+    rows = new_table(
         f"Along the paper's line: {len(results[0].x)} poses per row, two materials, two heights, one pose at a time",
         "robot", "solver", "solved", "iterations", "in the\nmiddle", "else-\nwhere",
-        "ms", "in the\nmiddle", "else-\nwhere",
+        "ms", "in the\nmiddle", "else-\nwhere", text_columns=0,
     )  # fmt: skip
     for one in results:
         iterations, milliseconds = one.iterations[one.solved], 1e3 * one.seconds[one.solved]
@@ -58,10 +56,8 @@ def performance() -> None:
 
 def tracker() -> None:
     """How much too low ``cogiro`` is with Vectran, the stiffest cable."""
-    robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
-    deviations = 1e3 * np.concatenate(
-        [study.line_deviation(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS]
-    )
+    vectran = [one for one in paper_lines(["cogiro"], settled_rows=ROWS) if one.robot.material == "vectran-0.7mm"]
+    deviations = -1e3 * np.concatenate([one.settled.deviation[:, 2] for one in vectran])
     console.print(
         f"cogiro with Vectran is {deviations.min():.3f} to {deviations.max():.3f} mm too low along the line, "
         f"{np.median(deviations):.3f} mm in the median; the paper's tracker has an accuracy of "
@@ -72,9 +68,10 @@ def tracker() -> None:
 
 def nylon() -> None:
     """How much too low ``parallel`` is at the ends of the line, with the materials and with soft to stiff nylon."""
-    rows = table(
+    rows = new_table(
         "parallel at the ends of the paper's line, settled in MuJoCo (the paper: about 15 mm too low)",
         "cable", "EA [N]", *(f"too low by [mm]\nat z = {z:g} m" for z in PAPER_HEIGHTS), "methods differ\nby [mm]",
+        text_columns=0,
     )  # fmt: skip
     cables = [(name, material.axial_stiffness) for name, material in cdpr.MATERIALS.items()]
     low, high = NYLON_FIBRES
@@ -82,20 +79,11 @@ def nylon() -> None:
         cables.append((f"nylon of {modulus / 1e9:.1f} GPa, {1e3 * DIAMETER:g} mm", line_stiffness(modulus, DIAMETER)))
     for name, stiffness in cables:
         robot = cdpr.load_robot("parallel").replace(axial_stiffness=stiffness)
-        ends = [study.line_deviation(robot, height) for height in PAPER_HEIGHTS]
-        apart = max(np.abs(end.by_mujoco - end.by_statics).max() for end in ends)
-        rows.add_row(
-            name, f"{stiffness:.0f}", *(f"{1e3 * end.by_mujoco.mean():.1f}" for end in ends), f"{1e3 * apart:.0e}"
-        )
+        ends = [line(robot, height, PAPER_LINE, static_rows=2, settled_rows=2) for height in PAPER_HEIGHTS]
+        difference = max(np.abs((end.settled.deviation - end.static.deviation)[:, 2]).max() for end in ends)
+        deviations = [-1e3 * end.settled.deviation[:, 2].mean() for end in ends]
+        rows.add_row(name, f"{stiffness:.0f}", *(f"{one:.1f}" for one in deviations), f"{1e3 * difference:.0e}")
     console.print(rows)
-
-
-def table(title: str, *columns: str) -> Table:
-    """Return an empty table with these columns."""
-    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        made.add_column(escape(column), justify="right", no_wrap=True)
-    return made
 
 
 if __name__ == "__main__":

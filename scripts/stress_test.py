@@ -80,7 +80,7 @@ def robot_of(kind: str, random: np.random.Generator) -> tuple[cdpr.Robot, float]
     return robot, size
 
 
-def asked_of(kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator) -> dict[str, Any]:
+def inputs_of(kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator) -> dict[str, Any]:
     """Return poses (rows, 6), and rest lengths and wrenches if the kind has them."""
     poses = np.hstack(
         [random.uniform(-0.8, 0.4, (rows, 3)) * size, random.normal(size=(rows, 3)) * random.choice([0, 0.3, 3])]
@@ -88,14 +88,14 @@ def asked_of(kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.ra
     poses[random.random(rows) < 0.05, :3] = (robot.exits[0] - robot.anchors[0]) + 1e-12 * size  # an anchor on its exit
     if robot.mobility == "planar":
         poses[:, [1, 3, 5]] = 0
-    asked = {"poses": poses}
+    inputs = {"poses": poses}
     if kind in ("pretensioned", "weightless") or random.random() < 0.2:
         matrices = cdpr.Problems.of(robot, poses).rotations
         arms = np.einsum("nij,cj->nci", np.broadcast_to(matrices, (rows, 3, 3)), robot.anchors)
         lengths = np.linalg.norm(robot.exits - poses[:, None, :3] - arms, axis=-1)
         strain = 10 ** random.uniform(-5, -0.5) * random.choice([-0.3, 1])
-        asked["rest_lengths"] = lengths * (1 - strain * random.uniform(0.2, 1, lengths.shape))
-        asked["poses"] = poses + 0.03 * size * random.normal(size=poses.shape) * [
+        inputs["rest_lengths"] = lengths * (1 - strain * random.uniform(0.2, 1, lengths.shape))
+        inputs["poses"] = poses + 0.03 * size * random.normal(size=poses.shape) * [
             1,
             0 if robot.mobility == "planar" else 1,
             1,
@@ -110,8 +110,8 @@ def asked_of(kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.ra
         )
         if robot.mobility == "planar":
             wrenches[:, [1, 3, 5]] = 0
-        asked["external_wrench"] = wrenches
-    return asked
+        inputs["external_wrench"] = wrenches
+    return inputs
 
 
 def forces(
@@ -123,16 +123,16 @@ def forces(
     """
     robot = problem.robot
     arms, center = robot.anchors @ matrix.T, matrix @ robot.center_of_mass
-    apart = robot.exits - position - arms
-    lengths = np.sqrt((apart * apart).sum(1))
+    spans = robot.exits - position - arms
+    lengths = np.sqrt((spans * spans).sum(1))
     taut = lengths > problem.rest_lengths
     if step is not None:
         arms, center = arms + np.cross(step[3:], arms), center + np.cross(step[3:], center)
-        apart = robot.exits - (position + step[:3]) - arms
-        lengths = np.sqrt((apart * apart).sum(1))
+        spans = robot.exits - (position + step[:3]) - arms
+        lengths = np.sqrt((spans * spans).sum(1))
     stretch = (lengths - problem.rest_lengths) * taut
     tensions = robot.axial_stiffness * stretch / problem.rest_lengths
-    pulls = (tensions / np.where(taut, lengths, 1.0))[:, None] * apart
+    pulls = (tensions / np.where(taut, lengths, 1.0))[:, None] * spans
     weight = np.array([0, 0, -robot.mass * robot.gravity])
     force = pulls.sum(0) + weight + problem.external_wrench[:3]
     torque = np.cross(arms, pulls).sum(0) + np.cross(center, weight) + problem.external_wrench[3:]
@@ -150,29 +150,29 @@ def stiffness(problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray) -
     return np.linalg.eigvalsh((slope + slope.T) / 2)
 
 
-def judged(rest: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarray | None = None) -> str:
+def verdict_of(found: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarray | None = None) -> str:
     """Return "certified" or what is wrong with a result; a row of a batch has its own rotation matrix."""
-    problem = rest.problem
-    turned = rest.rotation.as_matrix() if matrix is None else matrix
+    problem = found.problem
+    turned = found.rotation.as_matrix() if matrix is None else matrix
     if np.abs(turned @ turned.T - np.eye(3)).max() > ORTHOGONAL:
         return "the rotation matrix is not a rotation"
     load = max(problem.robot.weight, np.abs(problem.external_wrench / problem.robot.units).max())
     scale = load or 1e-3 * problem.robot.axial_stiffness.mean()
-    left = np.abs(forces(problem, rest.position, turned)).max()
+    left = np.abs(forces(problem, found.position, turned)).max()
     if not left <= BALANCED * scale:
-        return f"{left / scale:.1e} of the load unbalanced, reported {rest.residual / scale:.1e}"
+        return f"{left / scale:.1e} of the load unbalanced, reported {found.residual / scale:.1e}"
     if random.random() < SAMPLE:
-        values = stiffness(problem, rest.position, turned)
+        values = stiffness(problem, found.position, turned)
         lowest, largest = values[0], np.abs(values).max()
-        blur = (DIFFERENCED if rest.source == "mujoco" else NEUTRAL) * largest
-        if rest.stable and lowest < (-blur if rest.source == "mujoco" else 0):
+        blur = (DIFFERENCED if found.source == "mujoco" else NEUTRAL) * largest
+        if found.stable and lowest < (-blur if found.source == "mujoco" else 0):
             return f"reported stable, with a smallest stiffness of {lowest:.1e} of {largest:.1e} N/m"
-        if rest.stability is cdpr.Stability.UNSTABLE and lowest > blur:
+        if found.stability is cdpr.Stability.UNSTABLE and lowest > blur:
             return f"reported unstable, with a smallest stiffness of {lowest:.1e} of {largest:.1e} N/m"
     return "certified"
 
 
-def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
+def stress(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
     """Return the counts by kind of robot, and a description of each wrong result."""
     counts, wrong = {kind: Counter() for kind in KINDS}, []
 
@@ -187,27 +187,27 @@ def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list
     def one(kind: str, number: int, random: np.random.Generator) -> None:
         try:
             robot, size = robot_of(kind, random)
-            problem = {name: value[0] for name, value in asked_of(kind, robot, size, 1, random).items()}
-            rest = {"solve": cdpr.solve, "settle": cdpr.settle}[method](robot, problem.pop("poses"), **problem)
+            problem = {name: value[0] for name, value in inputs_of(kind, robot, size, 1, random).items()}
+            found = {"solve": cdpr.solve, "settle": cdpr.settle}[method](robot, problem.pop("poses"), **problem)
         except (cdpr.NotConverged, cdpr.NotSettled):
             count(kind, "no equilibrium", number)
         except cdpr.CdprError:
             count(kind, "refused", number)
         else:
-            count(kind, judged(rest, random), number)
+            count(kind, verdict_of(found, random), number)
 
     def many(kind: str, number: int, random: np.random.Generator, rows: int) -> None:
         try:
             robot, size = robot_of(kind, random)
-            equilibria = cdpr.solve_many(robot, **asked_of(kind, robot, size, rows, random))
+            equilibria = cdpr.solve_many(robot, **inputs_of(kind, robot, size, rows, random))
         except cdpr.CdprError:
             for _ in range(rows):
                 count(kind, "refused", number)
             return
         for row in range(rows):
             converged = equilibria.converged[row]
-            no_rest = "refused" if equilibria.status[row] in REFUSED else "no equilibrium"
-            verdict = judged(equilibria[row], random, equilibria.rotations[row]) if converged else no_rest
+            missing = "refused" if equilibria.status[row] in REFUSED else "no equilibrium"
+            verdict = verdict_of(equilibria[row], random, equilibria.rotations[row]) if converged else missing
             count(kind, verdict, number, row)
 
     done = number = 0
@@ -233,7 +233,7 @@ def main() -> None:
     table = new_table("Extreme robots", "method", "robots", *VERDICTS, "wrong", text_columns=2)
     complaints = []
     for method, asked in (("solve", options.solves), ("settle", options.settles)):
-        counts, wrong = attack(method, asked, options.seed)
+        counts, wrong = stress(method, asked, options.seed)
         complaints += wrong
         for kind, count in [*counts.items(), ("all", sum(counts.values(), Counter()))]:
             table.add_row(method, kind, *(str(count[name]) for name in (*VERDICTS, "wrong")))

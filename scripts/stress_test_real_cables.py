@@ -29,7 +29,7 @@ from test_sagging_kernel import Case, certify, random_case
 
 SOLVES, MIXES, SETTLES, MIXED_SETTLES = 10_000, 10_000, 300, 560
 STARTS, EVALUATIONS = 60, 300
-NO_REST = 1e-3  # of the load: the smallest unbalanced load where no equilibrium exists
+UNBALANCED = 1e-3  # of the load: the smallest unbalanced load where no equilibrium exists
 
 
 def least_unbalanced(case: Case) -> float:
@@ -51,7 +51,7 @@ def least_unbalanced(case: Case) -> float:
 
 def solves(robots: int) -> list[str]:
     """Check the solver with so many robots; return one line for each error."""
-    wrong, certified, restless = [], 0, []
+    wrong, certified, missing = [], 0, []
     for seed in range(robots):
         case = random_case(seed)
         if case.status == cdpr.Status.CONVERGED:
@@ -61,18 +61,18 @@ def solves(robots: int) -> list[str]:
             except AssertionError as error:
                 wrong.append(f"solve, robot {seed}: {str(error).splitlines()[0] if str(error) else 'not certified'}")
             continue
-        restless.append((seed, least_unbalanced(case)))
-        if restless[-1][1] < NO_REST:
-            wrong.append(f"solve, robot {seed}: an equilibrium may exist ({restless[-1][1]:.0e} of the load)")
+        missing.append((seed, least_unbalanced(case)))
+        if missing[-1][1] < UNBALANCED:
+            wrong.append(f"solve, robot {seed}: an equilibrium may exist ({missing[-1][1]:.0e} of the load)")
     print(f"{certified:,} of {robots:,} robots with cables with mass solved and certified")
-    for seed, left in restless:
+    for seed, left in missing:
         print(f"  robot {seed}, with an external torque: the unbalanced load is at least {left:.1e} of the load")
     return wrong
 
 
 def settles(first: int, last: int, mixed: bool = False) -> list[str]:
     """Check MuJoCo in the same way, with cables with mass or with cables that mix all properties."""
-    wrong, verdicts, apart, left = [], Counter(), [], Counter()
+    wrong, verdicts, differences, left = [], Counter(), [], Counter()
     name, problem_of = ("mixed robot", mixed_problem) if mixed else ("robot", problem_with_mass)
     for seed in range(first, last):
         try:
@@ -91,12 +91,13 @@ def settles(first: int, last: int, mixed: bool = False) -> list[str]:
         if found.verdict is cdpr.Verdict.DISAGREE:
             wrong.append(f"settle, {name} {seed}: {'; '.join(found.reasons)}")
         if found.verdict is cdpr.Verdict.AGREE:
-            apart.append(found.position_error)
+            differences.append(found.position_error)
     print(f"{verdicts.total()} of {last - first} {'mixed ' * mixed}robots settled in MuJoCo:")
     for reason, count in (verdicts + left).items():
         print(f"  {count}: {reason.value if isinstance(reason, cdpr.Verdict) else reason}")
-    if apart:
-        print(f"  position difference of those that agree: median {np.median(apart):.0e} m, largest {max(apart):.0e} m")
+    if differences:
+        median, largest = np.median(differences), max(differences)
+        print(f"  position difference of those that agree: median {median:.0e} m, largest {largest:.0e} m")
     return wrong
 
 

@@ -15,6 +15,7 @@ from matplotlib.text import Text
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.drawing import axes, cable_curves, style
+from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import gallery
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
@@ -33,8 +34,8 @@ LENGTH = 0.02
 
 
 @functools.cache
-def closed_forms() -> two_cable_studies.ClosedForms:
-    return two_cable_studies.closed_forms(static_rows=33, settled_rows=5)
+def two_cable_bar() -> two_cable_studies.TwoCableBar:
+    return two_cable_studies.two_cable_bar(static_rows=33, settled_rows=5)
 
 
 def across_the_width(name: str) -> studies.Width:
@@ -42,9 +43,9 @@ def across_the_width(name: str) -> studies.Width:
 
 
 COMPUTED = {
-    "two-cable-manifold": lambda: two_cable_studies.manifold(drifts=5, settled_every=2, columns=13, heights=9),
-    "two-cable-poses": closed_forms,
-    "two-cable-closed-form": closed_forms,
+    "two-cable-manifold": lambda: two_cable_studies.manifold(drifts=5, settled_every=2),
+    "two-cable-poses": two_cable_bar,
+    "two-cable-closed-form": two_cable_bar,
     "layouts": studies.homes,
     "tilt-condition": balance.moment_balances,
     "paper-line": lambda: studies.paper_lines(static_rows=151, settled_rows=4),
@@ -300,7 +301,7 @@ def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
     figure = two_cable_studies.draw_manifold(study)
     drift = np.array([equilibria.positions for equilibria in study.static])
     shown = np.concatenate([line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_gid() == "mujoco"])
-    for command in range(len(study.commanded)):
+    for command in range(len(study.static[0])):
         curve = artist(figure, f"static {command}").get_xydata()
         assert np.array_equal(curve, drift[:, command][:, [0, 2]])
         for equilibria in study.settled:
@@ -311,9 +312,11 @@ def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
 
 def test_closed_forms_are_drawn_against_the_solver(results):
     """Eq. 5, 6: the errors that are drawn are those of the results."""
-    forms = results["two-cable-closed-form"]
-    figure = two_cable_studies.draw_closed_form(forms)
-    error = np.degrees(forms.short_bar - forms.line.static.euler[:, 1])
+    study = results["two-cable-closed-form"]
+    figure = two_cable_studies.draw_closed_form(study)
+    static = study.line.static
+    short = [two_cable_closed_form.short_bar_rotation(static.robot, position) for position in static.positions]
+    error = np.degrees(short - static.euler[:, 1])
     assert artist(figure, "short-bar error").get_ydata() == pytest.approx(error, abs=1e-12)
     assert distance_from_line(artist(figure, "mujoco"), artist(figure, "static")) < ON_LINE
 
@@ -355,15 +358,16 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
     """Every held pose is in a curve; and where the methods disagree the title says so."""
     measured = results["agreement"]
     figure = solver_studies.draw_agreement(measured)
-    for one in measured:
-        curve = artist(figure, one.name)
-        assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.neutral]))
-    assert "agree at all 24 poses" in figure.get_suptitle()
     disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL, cdpr.Verdict.AGREE
+    for name, agreements in measured.items():
+        held = [one.position_error for one in agreements if one.verdict is not free]
+        assert np.array_equal(artist(figure, name).get_xdata(), np.sort(held))
+    assert "agree at all 24 poses" in figure.get_suptitle()
     for verdicts, title in (
         ([disagree] * 12, "agree at 12 of 24 poses; at 12 they disagree"),
         ([free] * 4 + [agree] * 8, "agree at 20 of 24 poses; 4 are neutrally stable"),
         ([free] * 4 + [disagree, *[agree] * 7], "agree at 19 of 24 poses; 4 are neutrally stable; at 1 they disagree"),
     ):
-        other = dataclasses.replace(measured[0], verdicts=tuple(verdicts))
-        assert title in solver_studies.draw_agreement([other, measured[1]]).get_suptitle().replace("\n", " ")
+        pairs = zip(measured["parallel"], verdicts, strict=True)
+        others = measured | {"parallel": [dataclasses.replace(one, verdict=verdict) for one, verdict in pairs]}
+        assert title in solver_studies.draw_agreement(others).get_suptitle().replace("\n", " ")

@@ -238,16 +238,15 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     """Size, exaggeration and renderer; compensated lengths beside rigid ones, by robots of that name."""
     driven, filmed = [], {}
     monkeypatch.setattr(cdpr, "drive", lambda robot, *args, **options: driven.append((robot, options)) or robot)
-    monkeypatch.setattr(
-        "cdpr_sim.studies.robot_summary.solved_along", lambda robot: cdpr.solve_many(robot, [robot.home])
-    )
     monkeypatch.setattr(cdpr, "compensate", lambda robot, at, **load: (robot, at))
     monkeypatch.setattr(
         "cdpr_sim.crosscheck.compensation_check.held",
         lambda asked: cdpr.solve(*asked, asked[0].rest_lengths(asked[1]) - 1e-3),
     )
-    monkeypatch.setattr("cdpr_sim.studies.robot_summary.shapes_of", lambda robot: None)
-    monkeypatch.setattr(cdpr, "write_video", lambda path, *args, **options: filmed.update(options | {"path": path}))
+    monkeypatch.setattr(
+        "cdpr_sim.studies.robot_summary.write_both_methods",
+        lambda path, *args, **options: filmed.update(options | {"path": path}),
+    )
     words = "video cogiro --path 0.3 0.4 --compensate --size 400 240 --exaggerate 5 --renderer raycast -o new.gif"
     told = CliRunner().invoke(app, words.split())
     assert (told.exit_code, told.stdout) == (0, "new.gif\n")
@@ -289,9 +288,10 @@ def test_a_film_of_cables_with_mass_is_settled_state_by_state(words, settled, dr
 
     monkeypatch.setattr("cdpr_sim.cli.picture_commands.progress_bars", recorded)
     monkeypatch.setattr(cdpr, "drive", drive)
-    for name, function in {"settled_along": settled_along, "solved_along": lambda one: one, "shapes_of": id}.items():
-        monkeypatch.setattr(f"cdpr_sim.studies.robot_summary.{name}", function)
-    monkeypatch.setattr(cdpr, "write_video", lambda *args, progress, **options: progress(0.75))
+    monkeypatch.setattr("cdpr_sim.studies.robot_summary.settled_along", settled_along)
+    monkeypatch.setattr(
+        "cdpr_sim.studies.robot_summary.write_both_methods", lambda *args, progress, **options: progress(0.75)
+    )
     told = CliRunner().invoke(app, ["video", *words.split(), "-o", "new.mp4"])
     assert told.exit_code == 0, told.output
     assert (stills, drives) == (settled, driven)

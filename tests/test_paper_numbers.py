@@ -5,7 +5,7 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import materials
-from cdpr_sim.studies.lines import PAPER_HEIGHTS
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line
 from studies import paper_numbers as study
 
 
@@ -35,10 +35,10 @@ def test_fewest_iterations_are_in_the_middle_as_the_paper_says(performance):
 def test_sag_of_cogiro_with_vectran_is_what_the_tracker_can_just_see():
     """0.046 to 0.065 mm along the line, by both methods; the tracker is accurate to 0.065 mm."""
     robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
-    deviations = [study.line_deviation(robot, height, rows=5) for height in PAPER_HEIGHTS]
-    for one in deviations:
-        assert one.by_mujoco == pytest.approx(one.by_statics, abs=1e-9)
-    every = np.concatenate([one.by_mujoco for one in deviations])
+    lines = [line(robot, height, PAPER_LINE, static_rows=5, settled_rows=5) for height in PAPER_HEIGHTS]
+    for one in lines:
+        assert one.settled.deviation[:, 2] == pytest.approx(one.static.deviation[:, 2], abs=1e-9)
+    every = -np.concatenate([one.settled.deviation[:, 2] for one in lines])
     assert every.min() > 0.04e-3
     assert every.max() < 1.02 * study.TRACKER_ACCURACY
 
@@ -57,9 +57,10 @@ def test_nylon_is_its_modulus_times_the_section():
 def test_nylon_sags_nearer_to_what_the_paper_measured():
     """11 to 12 mm at the ends of the line by both methods; the assumed lines: 6 to 9; the paper: about 15."""
     for height, expected in zip(PAPER_HEIGHTS, (12.3e-3, 10.8e-3), strict=True):
-        nylon = study.line_deviation(cdpr.load_robot("parallel").replace(material="nylon-0.4mm"), height)
-        assert nylon.by_mujoco == pytest.approx(expected, abs=0.05e-3)
-        assert nylon.by_statics == pytest.approx(nylon.by_mujoco, abs=1e-8)
+        robot = cdpr.load_robot("parallel").replace(material="nylon-0.4mm")
+        nylon = line(robot, height, PAPER_LINE, static_rows=2, settled_rows=2)
+        assert nylon.settled.deviation[:, 2] == pytest.approx(-expected, abs=0.05e-3)
+        assert nylon.static.deviation[:, 2] == pytest.approx(nylon.settled.deviation[:, 2], abs=1e-8)
 
 
 def test_studies_of_the_paper_keep_to_its_two_lines():

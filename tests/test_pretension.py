@@ -13,7 +13,7 @@ from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.describe import describe_twist
 from cdpr_sim.statics import forces
-from cdpr_sim.studies.pretension import PUSHES, least_pretension, pretension, taut_from
+from cdpr_sim.studies.pretension import ABOVE, PUSHES, least_pretension, pretension, shifts, taut_from
 from studies.pretension_tables import conclusions
 
 METHODS = (cdpr.solve, cdpr.settle)
@@ -286,20 +286,20 @@ def test_the_study_finds_what_single_solves_do(catalogue):
     """Its pretensions, its slack thresholds, its wrong lengths; methods 1e-9 m apart at most."""
     robot = catalogue["ipanema-1"]
     study = pretension(points=5, every=2, errors=5)
-    least = study.stiffening.pretensions[0]
+    least = study.unloaded.values[0]
     tensions = robot.weight / 8 * np.linalg.norm(robot.exits[0] - robot.anchors[0] - robot.home)
     assert least == pytest.approx(tensions, abs=2e-3)  # by symmetry: up against down, along z
-    assert study.method_differences[0] < 1e-9
-    for push in study.pushes:
-        lengths = [robot.rest_lengths(robot.home, push.taut + more) for more in (-0.1, 0.1)]
-        slack = [cdpr.settle(robot, robot.home, one, external_wrench=PUSHES[push.what]).slack.sum() for one in lengths]
+    assert study.method_differences()[0] < 1e-9
+    for what, taut in study.taut.items():
+        lengths = [robot.rest_lengths(robot.home, taut + more) for more in (-0.1, 0.1)]
+        slack = [cdpr.settle(robot, robot.home, one, external_wrench=PUSHES[what]).slack.sum() for one in lengths]
         assert slack[0] > 0 == slack[1]
-    wrong = study.wrong[0]
+    wrong = study.wrong[ABOVE].static
     lengths = robot.rest_lengths(robot.home, 300.0)
     lengths[0] *= 0.99
     found = cdpr.solve(robot, robot.home, lengths)
-    assert wrong.largest_tensions[0] == pytest.approx(found.tensions.max(), rel=1e-9)
-    assert wrong.shifts[0] == pytest.approx(np.linalg.norm(found.deviation), rel=1e-6)
+    assert wrong.tensions[0].max() == pytest.approx(found.tensions.max(), rel=1e-9)
+    assert shifts(wrong)[0] == pytest.approx(np.linalg.norm(found.deviation), rel=1e-6)
     assert taut_from(robot, np.zeros(6)) == pytest.approx(least_pretension(robot))
 
 
@@ -308,7 +308,7 @@ def test_what_pretension_gains_is_said_by_one_baseline(catalogue):
     robot = catalogue["ipanema-1"]
     rigid = cdpr.solve(robot, robot.home).eigenvalues[[0, -1]]
     study = pretension(points=3, every=2, errors=3)
-    low, high = study.stiffening.pretensions[[0, -1]]
+    low, high = study.unloaded.values[[0, -1]]
     for outside in (low - 0.01, high + 0.01):
         with pytest.raises(cdpr.InvalidInput, match="another pretension may do"):
             robot.rest_lengths(robot.home, outside)

@@ -326,11 +326,12 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
 
     def film(path, trajectories, static, **options):
         filmed.update(trajectories=trajectories, static=static, path=path)
+        return path
 
     cdpr_drive, cdpr_solve = cdpr.drive, cdpr.solve_trajectory
     monkeypatch.setattr(cdpr, "drive", drive)
     monkeypatch.setattr("cdpr_sim.studies.robot_summary.solve_trajectory", solve)
-    monkeypatch.setattr(cdpr, "write_video", film)
+    monkeypatch.setattr("cdpr_sim.studies.robot_summary.write_video", film)
     words = [
         "--path",
         "0.4",

@@ -296,7 +296,9 @@ def test_a_video_drives_cables_with_mass(tmp_path, option, monkeypatch):
     file, video = tmp_path / "mine.toml", tmp_path / "mine.gif"
     file.write_text(f"linear_density = 0.0005\n{text_of('planar-vertical')}")
     motions = []
-    monkeypatch.setattr(cdpr, "write_video", lambda place, trajectories, *_, **__: motions.extend(trajectories))
+    monkeypatch.setattr(
+        "cdpr_sim.studies.robot_summary.write_both_methods", lambda _, trajectories, **__: motions.extend(trajectories)
+    )
     path = ["--path", "0.4", "0.42", "--seconds", "0.5", "--fps", "10"]
     answer = CliRunner().invoke(app, ["video", str(file), *option, *path, "-o", str(video)])
     assert answer.exit_code == 0, answer.output

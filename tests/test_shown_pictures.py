@@ -3,6 +3,7 @@
 import dataclasses
 from types import SimpleNamespace
 from typing import NamedTuple
+from unittest.mock import Mock
 
 import matplotlib
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import ImageDraw
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
 from cdpr_sim.drawing import maps, still, style
 from cdpr_sim.drawing.video import frame_layout, scene, writing
 from cdpr_sim.studies import better_layouts
@@ -290,14 +292,21 @@ def layouts() -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:
     return cdpr.solve_many(robot, poses), cdpr.solve_many(robot.replace(exits=exits), poses)
 
 
-def test_before_and_after_are_not_swapped(layouts):
+def test_before_and_after_are_not_swapped(layouts, monkeypatch):
     """Each with its exits, its map in degrees and its column of numbers; what moved is drawn on the second alone."""
-    before, _ = layouts
+    before, after = layouts
     tilts = np.radians([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])  # over x, and z
     asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("deviation", "2 mm", "1 mm")]
-    figure = better_layouts.draw_better_layout(
-        layouts, 1, (None, None), (tilts, tilts / 2), (0.0, 2.0, 0.0, 3.0), asked, numbers, "title", "caption"
-    )
+    maps = {before.robot: tilts, after.robot: tilts / 2}
+    axes = {"x": np.array([0.5, 1.5]), "y": np.zeros(1), "z": np.array([0.5, 1.5, 2.5])}
+    monkeypatch.setattr(better_layouts, "numbers", lambda _: numbers)
+    monkeypatch.setattr(better_layouts, "plane", lambda *_: axes)
+    monkeypatch.setattr(better_layouts, "sweep", lambda robot, *_, **__: {"tilt": SimpleNamespace(values=maps[robot])})
+    goal = SimpleNamespace(name="worst tilt", shown=str)
+    found = SimpleNamespace(given=before.robot, robot=after.robot, cases=before.problems, objective=goal)
+    sides = [Mock(spec=ValidatedRobot, settled=one, score=1.0) for one in layouts]
+    validation = Mock(spec=LayoutValidation, layout=found, before=sides[0], after=sides[1], cases=before.problems)
+    figure = better_layouts.picture(validation)
     spaces = [ax for ax in figure.axes if ax.name == "3d"]
     assert [ax.get_title() or ax.get_title(loc="left") for ax in spaces] == ["before", "after"]
     for ax, equilibria in zip(spaces, layouts, strict=True):
@@ -326,10 +335,16 @@ def test_before_and_after_are_not_swapped(layouts):
     assert rows == [["", "before", "after"], *map(list, numbers)]
 
 
-def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small():
+def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small(monkeypatch):
     """4 mm of 5 needed are red, 12 mm are not; nor is a pose without rest."""
     least = np.array([[0.004, 0.012, 0.006], [0.0125, np.nan, 0.020]])  # over y, and z
-    figure = better_layouts.draw_clearance_map(least, (0, 2, 0, 3), ("y", "z"), 0.005, "title", "caption")
+    axes = {"x": np.zeros(1), "y": np.array([0.5, 1.5]), "z": np.array([0.5, 1.5, 2.5])}
+    found = SimpleNamespace(
+        least=least[None], fitting=0.0, free=lambda enough: least > enough, nearest=lambda index: str(index)
+    )
+    monkeypatch.setattr(better_layouts, "plane", lambda *_: axes)
+    monkeypatch.setattr(better_layouts, "clearances", lambda *_, **__: found)
+    figure = better_layouts.clearance_map(cdpr.load_robot("parallel"), "yz", None, 0.005, None)
     ax, bar = figure.axes
     distances, near = ax.images
     for image, of in ((distances, [[4, 12.5], [12, np.nan], [6, 20]]), (near, [[1, np.nan]] + 2 * [[np.nan] * 2])):

@@ -101,13 +101,13 @@ def test_both_renderers_give_the_same_picture_up_to_shading(name):
     try:
         for camera in (stage.whole(VIEW[0] / VIEW[1]), stage.close_up()):
             stage.look(camera)
-            true = theirs.draw(stage.scene, *VIEW)
-            alike = unlike(true, ours.draw(stage.scene, *VIEW))
+            true = theirs.start(stage.scene, *VIEW)()
+            alike = unlike(true, ours.start(stage.scene, *VIEW)())
             assert alike < EDGES
         for geom in stage.scene.geoms[: stage.scene.ngeom]:
             if geom.type == mujoco.mjtGeom.mjGEOM_BOX and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 geom.pos[:] += [MOVED, 0, 0]
-        assert unlike(true, ours.draw(stage.scene, *VIEW)) > alike + 0.005
+        assert unlike(true, ours.start(stage.scene, *VIEW)()) > alike + 0.005
     finally:
         theirs.close()
         ours.close()
@@ -128,7 +128,7 @@ def test_each_shape_is_cast_as_opengl_draws_it(kind):
     mujoco.mj_forward(model, data)
     everything = mujoco.mjtCatBit.mjCAT_ALL.value
     mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, everything, shapes)
-    nothing = ours.draw(shapes, *VIEW)
+    nothing = ours.start(shapes, *VIEW)()
     size = {"SPHERE": [0.3] * 3, "CAPSULE": [0.15, 0.15, 0.3], "CYLINDER": [0.15, 0.15, 0.3]}.get(kind, [0.2, 0.3, 0.4])
     turn = np.eye(3) if kind == "PLANE" else Rotation.from_euler("xyz", [0.5, 0.9, 0.3]).as_matrix()
     mujoco.mjv_initGeom(
@@ -138,7 +138,7 @@ def test_each_shape_is_cast_as_opengl_draws_it(kind):
     shapes.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
     shapes.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False
     try:
-        drawn, cast = (picture.astype(int) for picture in (theirs.draw(shapes, *VIEW), ours.draw(shapes, *VIEW)))
+        drawn, cast = (picture.astype(int) for picture in (theirs.start(shapes, *VIEW)(), ours.start(shapes, *VIEW)()))
     finally:
         theirs.close()
         ours.close()
@@ -169,7 +169,7 @@ def test_what_stands_still_is_not_drawn_again_and_looks_the_same(parallel, stati
         if now:
             moves[move](stage.scene.geoms)
         fresh = raycast.RayCaster(stage.model)
-        np.testing.assert_array_equal(used.draw(stage.scene, *VIEW), fresh.draw(stage.scene, *VIEW), err_msg=move)
+        np.testing.assert_array_equal(used.start(stage.scene, *VIEW)(), fresh.start(stage.scene, *VIEW)(), err_msg=move)
         known.append(used._backdrops[VIEW].known)
         fresh.close()
     used.close()
@@ -210,14 +210,14 @@ def test_the_platforms_pixels_move_as_its_pose_does(parallel, static):
     for step in (0, 2, 18, 20):
         stage.set(step)
         stage.look(stage.close_up())
-        blob = platform_blob(caster.draw(stage.scene, 480, 360))
+        blob = platform_blob(caster.start(stage.scene, 480, 360)())
         off = [
             np.linalg.norm(blob - project(stage, poses[step].translation, 480, 360))
             for poses in (parallel.poses, parallel.commanded)
         ]
         assert off[0] < 0.5 * off[1]
         stage.look(whole)
-        blobs.append(platform_blob(caster.draw(stage.scene, 480, 360)))
+        blobs.append(platform_blob(caster.start(stage.scene, 480, 360)()))
         actual.append(project(stage, parallel.poses[step].translation, 480, 360))
     caster.close()
     moves, expected = np.diff(blobs, axis=0), np.diff(actual, axis=0)

@@ -10,7 +10,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts
+from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts
 
 BYTES_PER_START = 1000
 """Memory per start pose of the search for equilibria: about 600 measured (``scripts/measure_constants.py``)."""
@@ -41,16 +41,15 @@ def compensate(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material)
-        with busy("Computing tensions"):
-            compensation = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
-            verification = cdpr.verify_compensation(compensation)
-            methods = cdpr.settle, cdpr.solve
-            before = [method(problem) for method in methods]
-            # Start at the uncompensated equilibrium, so that the platform has to reach the commanded pose by itself.
-            starts = zip(methods, before, strict=True)
-            after = [method(problem.robot, start.pose, compensation.rest_lengths) for method, start in starts]
+    problem = problem_of(robot, pose, material)
+    with busy("Computing tensions"):
+        compensation = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+        verification = cdpr.verify_compensation(compensation)
+        methods = cdpr.settle, cdpr.solve
+        before = [method(problem) for method in methods]
+        # Start at the uncompensated equilibrium, so that the platform has to reach the commanded pose by itself.
+        starts = zip(methods, before, strict=True)
+        after = [method(problem.robot, start.pose, compensation.rest_lengths) for method, start in starts]
     if as_json:
         print_json(json_of.compensation(problem, compensation, verification, before, after))
     else:
@@ -73,11 +72,10 @@ def sensitivity(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material)
-        with busy("Solving"):
-            answer = cdpr.sensitivity(problem)
-            effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
+    problem = problem_of(robot, pose, material)
+    with busy("Solving"):
+        answer = cdpr.sensitivity(problem)
+        effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
     if as_json:
         print_json(json_of.sensitivity(answer, effects, modes))
     else:
@@ -102,22 +100,19 @@ def equilibria(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material)
-        if starts < 1:
-            raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
-        free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
-        with busy("Searching for equilibria"):
-            found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
-            followed = cdpr.follow_load(problem)
-            reached, _ = found.nearest(followed.reached.pose)
-            by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
-            proved = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
-            releases = [  # which oscillate undamped; cables with mass would do so as well
-                cdpr.release(one, seconds=2.0 if one.stable else 20.0)
-                for one in found
-                if problem.robot.cabling.massless
-            ]
+    problem = problem_of(robot, pose, material)
+    if starts < 1:
+        raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
+    free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
+    with busy("Searching for equilibria"):
+        found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
+        followed = cdpr.follow_load(problem)
+        reached, _ = found.nearest(followed.reached.pose)
+        by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
+        proved = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
+        releases = [  # which oscillate undamped; cables with mass would do so as well
+            cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found if problem.robot.cabling.massless
+        ]
     if as_json:
         answer = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
         print_json(answer if proved is None else answer | json_of.complete(proved))
@@ -168,22 +163,21 @@ def identify(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    with errors_as_sentences():
-        machine = robot_of(robot, material)
-        measurements = cdpr.read_measurements(file)
-        with busy("Fitting"):
-            result = cdpr.identify(
-                machine,
-                measurements,
-                unknown or ["axial_stiffness"],
-                position_error=None if position_error is None else 1e-3 * position_error,
-                rotation_error=None if rotation_error is None else math.radians(rotation_error),
-                tension_error=tension_error,
-                swivel_error=None if swivel_error is None else math.radians(swivel_error),
-                frequency_error=frequency_error,
-                rest_length_error=None if rest_length_error is None else 1e-3 * rest_length_error,
-                robust=robust,
-            )
+    machine = robot_of(robot, material)
+    measurements = cdpr.read_measurements(file)
+    with busy("Fitting"):
+        result = cdpr.identify(
+            machine,
+            measurements,
+            unknown or ["axial_stiffness"],
+            position_error=None if position_error is None else 1e-3 * position_error,
+            rotation_error=None if rotation_error is None else math.radians(rotation_error),
+            tension_error=tension_error,
+            swivel_error=None if swivel_error is None else math.radians(swivel_error),
+            frequency_error=frequency_error,
+            rest_length_error=None if rest_length_error is None else 1e-3 * rest_length_error,
+            robust=robust,
+        )
     if as_json:
         print_json(json_of.identification(result))
     else:
@@ -217,22 +211,21 @@ def score(
     from cdpr_sim.studies import problem_set
     from cdpr_sim.studies import score as studies
 
-    with errors_as_sentences():
-        if level is not None and level not in problem_set.LEVELS:
-            raise cdpr.UnknownName("level", level, problem_set.LEVELS)
-        every = problem_set.read_problems(problems)
-        chosen = [
-            one
-            for name in problem_set.LEVELS
-            if level in (None, name)
-            for one in [problem for problem in every if problem.level == name][:first]
-        ]
-        scores = [
-            studies.score_answers(Path(name), chosen)
-            if name.endswith(".json")
-            else studies.score(name, studies.solver_called(name), chosen, progress=not as_json)
-            for name in solver
-        ]
+    if level is not None and level not in problem_set.LEVELS:
+        raise cdpr.UnknownName("level", level, problem_set.LEVELS)
+    every = problem_set.read_problems(problems)
+    chosen = [
+        one
+        for name in problem_set.LEVELS
+        if level in (None, name)
+        for one in [problem for problem in every if problem.level == name][:first]
+    ]
+    scores = [
+        studies.score_answers(Path(name), chosen)
+        if name.endswith(".json")
+        else studies.score(name, studies.solver_called(name), chosen, progress=not as_json)
+        for name in solver
+    ]
     if as_json:
         print_json(score_tables.scores_json(scores))
     else:

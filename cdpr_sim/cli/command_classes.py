@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
-from cdpr_sim.cli.terminal import outside_world
+from cdpr_sim.cli.terminal import errors_as_sentences, outside_world
 
 
 class CommandGroup(TyperGroup):
@@ -48,6 +48,11 @@ class CommandWithHelp(TyperCommand):
             is_list = len(parts) > 1 and len(parts) == counts.get(name or "")
             spread += [*([option] if value != word else []), *parts] if is_list else [word]
         return super().parse_args(ctx, spread)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; its errors are printed as sentences."""
+        with errors_as_sentences():
+            return super().invoke(ctx)
 
     def get_short_help_str(self, limit: int = 45) -> str:
         """The whole first sentence; long lines are wrapped, not truncated."""

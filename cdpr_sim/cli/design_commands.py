@@ -11,7 +11,7 @@ import typer
 import cdpr_sim as cdpr
 from cdpr_sim.cli.command_classes import numbers_in
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts, progress_bars
+from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts, progress_bars
 
 if TYPE_CHECKING:
     import numpy as np
@@ -118,40 +118,43 @@ def design(
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.robots.writing import as_toml
     from cdpr_sim.studies import better_layouts as shown
+    from cdpr_sim.studies.robot_summary import write_both_methods
 
-    with errors_as_sentences():
-        for path, suffixes, name in (
-            (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, writing.SUFFIXES, "video"),
-        ):  # fmt: skip
-            if path is not None:
-                check_place(path, suffixes, force=force, field=name)
-        machine = robot_of(robot, material)
-        subject_to = {
-            "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
-        }  # fmt: skip
-        subject_to |= dict(_limit(one) for one in limit or [])
-        result = cdpr.find_layout(
-            machine,
-            _poses(machine, grid, line, points),
-            move=[_move(one, within, along) for one in move or ["exits"]],
-            symmetry=symmetry,
-            objective=objective,
-            subject_to={name: value for name, value in subject_to.items() if value is not None},
-            stiffness=stiffness or None,
-            seed=seed,
-            generations=generations,
-            store=store,
-            progress=True,
-        )
-        with busy("Settling both layouts in MuJoCo"):
-            validation = cdpr.validate_layout(result)
-        if output is not None:
-            write_whole({output: as_toml(result.robot).encode()})
-        if picture is not None:
-            with busy("Drawing"):
-                maps.write(shown.picture(validation), picture)
-        if video is not None:
-            _video(validation, video, force)
+    for path, suffixes, name in (
+        (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, writing.SUFFIXES, "video"),
+    ):  # fmt: skip
+        if path is not None:
+            check_place(path, suffixes, force=force, field=name)
+    machine = robot_of(robot, material)
+    subject_to = {
+        "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
+    }  # fmt: skip
+    subject_to |= dict(_limit(one) for one in limit or [])
+    result = cdpr.find_layout(
+        machine,
+        _poses(machine, grid, line, points),
+        move=[_move(one, within, along) for one in move or ["exits"]],
+        symmetry=symmetry,
+        objective=objective,
+        subject_to={name: value for name, value in subject_to.items() if value is not None},
+        stiffness=stiffness or None,
+        seed=seed,
+        generations=generations,
+        store=store,
+        progress=True,
+    )
+    with busy("Settling both layouts in MuJoCo"):
+        validation = cdpr.validate_layout(result)
+    if output is not None:
+        write_whole({output: as_toml(result.robot).encode()})
+    if picture is not None:
+        with busy("Drawing"):
+            maps.write(shown.picture(validation), picture)
+    if video is not None:
+        motions = shown.driven(validation, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
+        with progress_bars() as bar:
+            options = dict(seconds=VIDEO_SECONDS, fps=VIDEO_FPS, force=force, progress=bar("Drawing"))
+            write_both_methods(video, motions, **options)
     if as_json:
         print_json(report.design_json(validation))
     else:
@@ -190,7 +193,7 @@ def front(
     from cdpr_sim.robots.writing import as_toml
     from cdpr_sim.studies.better_layouts import pareto_picture
 
-    with errors_as_sentences(), new_folder(output):
+    with new_folder(output):
         machine = robot_of(robot, material)
         picture = output / "front.png"
         refuse_existing(
@@ -247,18 +250,17 @@ def clearances(
     from cdpr_sim.drawing import maps
     from cdpr_sim.report import design_tables as report
 
-    with errors_as_sentences():
-        machine = robot_of(robot, material)
-        if picture is not None:
-            check_place(picture, maps.SUFFIXES, force=force, field="output")
-            from cdpr_sim.studies.better_layouts import clearance_map
+    machine = robot_of(robot, material)
+    if picture is not None:
+        check_place(picture, maps.SUFFIXES, force=force, field="output")
+        from cdpr_sim.studies.better_layouts import clearance_map
 
-            with busy("Computing clearances"):
-                maps.write(clearance_map(machine, plane, at, min_distance, fitting), picture)
-        with busy("Solving"):
-            each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
-            distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
-        free = distances.free(min_distance)
+        with busy("Computing clearances"):
+            maps.write(clearance_map(machine, plane, at, min_distance, fitting), picture)
+    with busy("Solving"):
+        each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
+        distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
+    free = distances.free(min_distance)
     print_parts(
         report.clearance_table(distances),
         f"Interference-free (distance above {1e3 * min_distance:g} mm) at {int(free.sum())} of {free.size} poses; "
@@ -317,21 +319,3 @@ def _reach(option: str, word: str, reach: str) -> Any:
         name = "a name, = and " if option == "move" else ""
         raise cdpr.InvalidInput(f"{option}: found {word!r}, expected {name}a number, or 2, 3 or 6 with commas")
     return numbers if len(numbers) > 1 else numbers[0]
-
-
-def _video(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
-    from cdpr_sim.studies.better_layouts import driven
-    from cdpr_sim.studies.robot_summary import shapes_of
-
-    with progress_bars() as bar:
-        trajectories = driven(validation, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
-        cdpr.write_video(
-            path,
-            trajectories,
-            [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
-            shapes=[shapes_of(trajectory) for trajectory in trajectories],
-            seconds=VIDEO_SECONDS,
-            fps=VIDEO_FPS,
-            force=force,
-            progress=bar("Drawing"),
-        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -25,7 +24,7 @@ from cdpr_sim.cli.options import (
     waypoints_of,
     wrench_of,
 )
-from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts
+from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -62,32 +61,32 @@ def settle(
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
+    from cdpr_sim.proof.balls import installed
     from cdpr_sim.proof.complete import quickly_complete
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
     from cdpr_sim.report import proof_tables
 
     if waypoint:
-        with errors_as_sentences():
-            if pose is not None or certify:
-                raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
-            machine, load = robot_of(robot, material, mass), wrench_of(wrench)
-            _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension, mass, wrench)
-        if problem.robot.cabling.has_memory.any():
-            methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables
-        else:
-            methods = METHODS
-        with busy("Solving for the static equilibrium"):
-            newton, *seecr = (_outcome(problem, method) for method in methods)
-        settled = cdpr.settle(problem, progress=True)
-        if not isinstance(newton, cdpr.Equilibrium):
-            raise newton
-        agreement = cdpr.compare(newton, settled)
-        outcomes = [settled, newton, *seecr]
-        proved = _certificates(outcomes, certify)
-        complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
+        if pose is not None or certify:
+            raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
+        machine, load = robot_of(robot, material, mass), wrench_of(wrench)
+        _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
+    problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    if problem.robot.cabling.has_memory.any():
+        methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables
+    else:
+        methods = METHODS
+    with busy("Solving for the static equilibrium"):
+        newton, *seecr = (_outcome(problem, method) for method in methods)
+    settled = cdpr.settle(problem, progress=True)
+    if not isinstance(newton, cdpr.Equilibrium):
+        raise newton
+    agreement = cdpr.compare(newton, settled)
+    outcomes = [settled, newton, *seecr]
+    proving = installed() if certify is None else certify
+    proved = [cdpr.certify(one) for one in outcomes if proving and isinstance(one, cdpr.Equilibrium)]
+    complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:
         answer = json_of.crosscheck(problem, outcomes, agreement, proved)
         print_json(answer if complete is None else answer | json_of.complete(complete))
@@ -124,10 +123,9 @@ def solve(
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
 
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension, mass, wrench)
-        with busy("Solving"):
-            result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
+    problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    with busy("Solving"):
+        result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     if as_json:
         print_json(json_of.solution(result))
     else:
@@ -151,10 +149,9 @@ def certify(
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import proof_tables as report
 
-    with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension, mass, wrench)
-        with busy("Settling, solving and proving"):
-            proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
+    problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    with busy("Settling, solving and proving"):
+        proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
     if as_json:
         print_json(json_of.certificates(proved))
     else:
@@ -190,12 +187,3 @@ def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
         return cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     except cdpr.NotConverged as failure:
         return failure
-
-
-def _certificates(outcomes: Sequence[Outcome], wanted: bool | None) -> list[cdpr.Certificate]:
-    """Certificates of all equilibria; by default none where the extra is missing."""
-    from cdpr_sim.proof.balls import installed
-
-    if not (installed() if wanted is None else wanted):
-        return []
-    return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]

@@ -94,45 +94,32 @@ Wrenches = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
 
 
-def wrenches_of(words: list[str] | None, option: str = "--wrenches") -> list[list[float]] | None:
-    """Parse external wrenches, six comma-separated numbers each.
+def _numbers(option: str, word: str, counts: Sequence[int], expected: str) -> list[float]:
+    """Parse comma-separated numbers.
 
     Raises:
-        InvalidInput: not six numbers.
+        InvalidInput: not as many numbers as one of ``counts``.
     """
-    wrenches = []
-    for word in words or []:
-        numbers = numbers_in(word)
-        if len(numbers) != 6:
-            raise cdpr.InvalidInput(f"{option}: found {word!r}, expected six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
-        wrenches.append(numbers)
-    return wrenches or None
+    numbers = numbers_in(word)
+    if len(numbers) not in counts:
+        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected {expected}")
+    return numbers
 
 
-def wrench_of(word: str | None) -> list[float] | None:
-    """Parse a single external wrench.
+def wrench_of(word: str | None, option: str = "--wrench") -> list[float] | None:
+    """Parse an external wrench."""
+    return None if word is None else _numbers(option, word, [6], "six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
 
-    Raises:
-        InvalidInput: not six numbers.
-    """
-    wrenches = wrenches_of(None if word is None else [word], "--wrench")
-    return None if wrenches is None else wrenches[0]
+
+def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
+    """Parse the external wrenches of ``--wrenches``; None without any."""
+    return [wrench_of(word, "--wrenches") or [] for word in words or []] or None
 
 
 def pose_of(word: str | None, option: str = "--pose") -> tuple[float, ...] | None:
-    """Parse a pose of three or six numbers.
-
-    Raises:
-        InvalidInput: another number of them.
-    """
-    if word is None:
-        return None
-    numbers = tuple(numbers_in(word.strip(", ")))
-    if len(numbers) not in {3, 6}:
-        raise cdpr.InvalidInput(
-            f"{option}: found {word!r}, expected three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"
-        )
-    return numbers
+    """Parse a pose of three or six numbers."""
+    expected = "three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"
+    return None if word is None else tuple(_numbers(option, word.strip(", "), [3, 6], expected))
 
 
 def waypoints_of(words: list[str] | None) -> list[tuple[float, ...]]:

@@ -26,7 +26,7 @@ from cdpr_sim.cli.options import (
     waypoints_of,
     wrench_of,
 )
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_listing, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.terminal import busy, print_listing, progress_bars, tidy_when_terminated
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
@@ -47,13 +47,12 @@ def figures(
         rows = [(one, picture.paper, picture.shows) for one, picture in cdpr.PICTURES.items()]
         print_listing("", ("figure", "paper", "content"), rows, text_columns=2)
         return
-    with errors_as_sentences():
-        wanted = name or cdpr.list_figures()
-        written = iter(paths_of(wanted, output).values())
-        with busy("Computing and drawing, about a minute for all figures"):
-            cdpr.write_figures(
-                wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
-            )
+    wanted = name or cdpr.list_figures()
+    written = iter(paths_of(wanted, output).values())
+    with busy("Computing and drawing, about a minute for all figures"):
+        cdpr.write_figures(
+            wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
+        )
 
 
 def video(
@@ -111,26 +110,26 @@ def video(
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import writing
-    from cdpr_sim.studies.robot_summary import settled_along, shapes_of, solved_along
+    from cdpr_sim.studies.robot_summary import settled_along, write_both_methods
 
-    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
+    with tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, writing.SUFFIXES, force=force)
         states = writing.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         writing.check_count(len(wanted))
         machines = [robot_of(name, cables, mass) for name, cables, _ in wanted]
-        load, through = wrench_of(wrench), _through(waypoint, path, y, z)
+        load, through = wrench_of(wrench), waypoints_of(waypoint)
+        if through and not (path is None and y is None and z is None):
+            raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
-            in_time, still = drive_seconds, False
             slow = not robot.cabling.massless or robot.cabling.has_memory.any()
-            if slow and in_time is None and not drop:  # a quasi-static drive would take long, or have no memory
-                in_time, still = (seconds, False) if compensate else (None, True)
-            if still:
-                settled = settled_along(robot, along(robot, through or _line(robot, path, y, z), states), seconds, load)
+            quasi_static = slow and drive_seconds is None and not drop  # its drive would take long, or have no memory
+            waypoints, lengths = (through or _line(robot, path, y, z))[: 1 if drop else None], None
+            if quasi_static and not compensate:
+                settled = settled_along(robot, along(robot, waypoints, states), seconds, load)
                 motions.append(lambda settled=settled: settled)
                 continue
-            waypoints, lengths = (through or _line(robot, path, y, z))[: 1 if drop else None], None
             if compensated:
                 waypoints = along(robot, waypoints, 1 if drop else COMPENSATED_WAYPOINTS)
                 advance, lengths = bar(f"Compensating {robot.name}"), []
@@ -142,7 +141,7 @@ def video(
                 start(
                     robot,
                     waypoints,
-                    seconds=in_time,
+                    seconds=seconds if quasi_static else drive_seconds,
                     states=states,
                     from_rest=not drop,
                     rest_lengths=lengths,
@@ -150,17 +149,14 @@ def video(
                     progress=bar(f"MuJoCo drives {robot.name}"),
                 )
             )
-        trajectories = [motion() for motion in motions]
-        cdpr.write_video(
+        write_both_methods(
             output,
-            trajectories,
-            [solved_along(trajectory).poses for trajectory in trajectories],
-            shapes=[shapes_of(trajectory) for trajectory in trajectories],
+            [motion() for motion in motions],
             seconds=seconds,
             fps=fps,
             size=size,
             exaggeration=exaggerate,
-            renderer=renderer,  # type: ignore[arg-type]
+            renderer=renderer,
             force=force,
             progress=bar("Drawing"),
         )
@@ -185,7 +181,7 @@ def report(
 
     It opens in any browser, without network access.
     """
-    with errors_as_sentences(), tidy_when_terminated(), busy("Loading") as status:
+    with tidy_when_terminated(), busy("Loading") as status:
         cdpr.write_report(
             output,
             robot_of(robot, material),
@@ -224,20 +220,6 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
             over.set()
             threads.shutdown(cancel_futures=True)
             raise
-
-
-def _through(
-    waypoint: list[str] | None, path: tuple[float, float] | None, y: float | None, z: float | None
-) -> list[tuple[float, ...]]:
-    """Waypoints of ``--waypoint``; none without that option.
-
-    Raises:
-        InvalidInput: not poses, a single one, or the options of a line as well.
-    """
-    poses = waypoints_of(waypoint)
-    if poses and not (path is None and y is None and z is None):
-        raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
-    return poses
 
 
 def _line(

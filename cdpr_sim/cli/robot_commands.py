@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
@@ -12,12 +13,10 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import Mass, MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_listing
+from cdpr_sim.cli.terminal import DISAGREE, print_listing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from cdpr_sim.physics.damping import Damping
 
 
 def robots() -> None:
@@ -42,10 +41,9 @@ def new(
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.robots import robot_file
 
-    with errors_as_sentences():
-        path = Path(name if name.endswith(".toml") else f"{name}.toml")
-        text = robot_file.template(path.stem)
-        write_whole({check_place(path, [".toml"], force=force): text.encode()})
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    text = robot_file.template(path.stem)
+    write_whole({check_place(path, [".toml"], force=force): text.encode()})
     typer.echo(f"{path}: now `cdpr-sim show {path}` and `cdpr-sim settle {path}`")
 
 
@@ -74,17 +72,16 @@ def show(
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import still
 
-    with errors_as_sentences():
-        check_place(output, [".png"], force=force)
-        if robots and len(robots) == 1:
-            problem = problem_of(robots[0], pose, material)
-            figure = still.draw(problem.robot, problem.pose)
-        else:
-            if pose is not None:
-                raise cdpr.InvalidInput("--pose: found a pose and several robots, expected one robot")
-            everyone = [robot.name for kind in _by_kind().values() for robot in kind]
-            figure = still.sheet([robot_of(name, material) for name in robots or everyone])
-        write_whole({output: still.encoded(figure)})
+    check_place(output, [".png"], force=force)
+    if robots and len(robots) == 1:
+        problem = problem_of(robots[0], pose, material)
+        figure = still.draw(problem.robot, problem.pose)
+    else:
+        if pose is not None:
+            raise cdpr.InvalidInput("--pose: found a pose and several robots, expected one robot")
+        everyone = [robot.name for kind in _by_kind().values() for robot in kind]
+        figure = still.sheet([robot_of(name, material) for name in robots or everyone])
+    write_whole({output: still.encoded(figure)})
     typer.echo(output)
 
 
@@ -113,10 +110,9 @@ def import_file(
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.robots.writing import as_toml
 
-    with errors_as_sentences():
-        robot = cdpr.import_robot(file, format, cables)
-        place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
-        write_whole({place: as_toml(robot).encode()})
+    robot = cdpr.import_robot(file, format, cables)
+    place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
+    write_whole({place: as_toml(robot).encode()})
     typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
     for note in robot.notes:
         typer.echo(f"- {note}")
@@ -156,26 +152,29 @@ def models(
 ) -> None:
     """Write MuJoCo models: robot.xml, scene.xml, a README and a picture for each robot."""
     from cdpr_sim.drawing import still
+    from cdpr_sim.physics.damping import loss_factor
     from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index
 
-    stale, sources = [], []
-    with errors_as_sentences():
-        for name in robot or cdpr.list_robots():
-            problem = problem_of(name, pose, material, pretension, mass)
-            options = dict(damping=_damping_of(damping), contact=contact)
-            folder, files = output / problem.robot.name, model_files(problem, **options)  # type: ignore[arg-type]
-            sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
-            if winches:
-                files = model_files(problem, winches=True, **options)  # type: ignore[arg-type]
-            draw = functools.partial(still.draw, problem.robot, problem.pose)
-            stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
-            if not check:
-                typer.echo(f"{folder}: {', '.join([*files, PICTURE])}")
-        if not robot:
-            kinds = _by_kind()
-            draw = functools.partial(still.sheet, [robot for kind in kinds.values() for robot in kind])
-            index = {"README.md": models_index(kinds)}
-            stale += _renewed(output, index, output / INDEX, draw, "".join(sources), check=check, force=force)
+    stale, sources, damped = [], [], damping
+    with suppress(ValueError):
+        damped = float(damping)
+    loss_factor(damped)  # type: ignore[arg-type]  # refuses what is none
+    for name in robot or cdpr.list_robots():
+        problem = problem_of(name, pose, material, pretension, mass)
+        options = dict(damping=damped, contact=contact)
+        folder, files = output / problem.robot.name, model_files(problem, **options)  # type: ignore[arg-type]
+        sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
+        if winches:
+            files = model_files(problem, winches=True, **options)  # type: ignore[arg-type]
+        draw = functools.partial(still.draw, problem.robot, problem.pose)
+        stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
+        if not check:
+            typer.echo(f"{folder}: {', '.join([*files, PICTURE])}")
+    if not robot:
+        kinds = _by_kind()
+        draw = functools.partial(still.sheet, [robot for kind in kinds.values() for robot in kind])
+        index = {"README.md": models_index(kinds)}
+        stale += _renewed(output, index, output / INDEX, draw, "".join(sources), check=check, force=force)
     command = "cdpr-sim models --winches --force" if winches else "cdpr-sim models --force"
     for path in stale:
         typer.echo(f"{path}: out of date, expected what `{command}` writes", err=True)
@@ -189,24 +188,7 @@ def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> 
     """
     from cdpr_sim.physics.viewer import open_viewer
 
-    with errors_as_sentences():
-        open_viewer(problem_of(robot, pose, material))
-
-
-def _damping_of(word: str) -> Damping:
-    """``--damping`` as ``to_mjcf`` takes it.
-
-    Raises:
-        InvalidInput: neither one of its words nor a number.
-    """
-    from cdpr_sim.physics.damping import loss_factor
-
-    try:
-        damping = float(word)
-    except ValueError:
-        damping = word
-    loss_factor(damping)  # type: ignore[arg-type]
-    return damping  # type: ignore[return-value]
+    open_viewer(problem_of(robot, pose, material))
 
 
 def _renewed(

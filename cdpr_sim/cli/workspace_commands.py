@@ -26,7 +26,7 @@ from cdpr_sim.cli.options import (
     wrench_of,
     wrenches_of,
 )
-from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
+from cdpr_sim.cli.terminal import DISAGREE, print_parts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,23 +59,24 @@ def sweep(
     ] = False,
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
-    with errors_as_sentences():
-        conditions = dict(external_wrench=wrench_of(wrench), tension_limits=limits, wrenches=wrenches_of(wrenches))
-        conditions |= dict(quantities=_with_settled()) if settle else {}
-        dataset = cdpr.sweep(robot, grid, material or None, **conditions, store=output, progress=True)  # type: ignore[arg-type]
-        _print(dataset)
-    if settle:
-        from cdpr_sim.report import workspace_tables as report
+    from cdpr_sim.analysis.workspace.sweep import DEFAULT
+    from cdpr_sim.report import workspace_tables as report
 
+    dataset = cdpr.sweep(
+        robot,
+        grid,
+        material or None,
+        external_wrench=wrench_of(wrench),
+        tension_limits=limits,
+        wrenches=wrenches_of(wrenches),
+        quantities=[*DEFAULT, "settled"] if settle else DEFAULT,
+        store=output,
+        progress=True,
+    )
+    _print(dataset)
+    if settle:
         print_parts(report.check_table(dataset))
         raise typer.Exit(0 if report.all_agree(dataset) else DISAGREE)
-
-
-def _with_settled() -> list[str]:
-    """All quantities of a sweep by default, and "settled"."""
-    from cdpr_sim.analysis.workspace.sweep import DEFAULT
-
-    return [*DEFAULT, "settled"]
 
 
 def draw_map(
@@ -101,35 +102,37 @@ def draw_map(
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps, path_maps
 
-    with errors_as_sentences():
-        check_place(output, maps.SUFFIXES, force=force, field="output")
-        robots = [robot_of(name, None, mass) for name in robot]
-        if points > MOST_POINTS:
-            raise cdpr.InvalidInput(
-                f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
-                "more, use a .nc or .zarr store of `cdpr-sim sweep`"
-            )
-        through = waypoints_of(waypoint)
-        if through and (plane != "xz" or at is not None):
-            raise cdpr.InvalidInput("--waypoint: found waypoints and --plane or --at, expected one of them")
-        poses = along(robots[0], through, path_points) if through else None
-        section = grids.plane(plane, at, points, robots) if poses is None else None
-        conditions = dict(
-            poses=poses,
-            orientation=orientation,
-            external_wrench=wrench_of(wrench),
-            tension_limits=limits,
-            wrenches=wrenches_of(wrenches),
-            quantities=maps.QUANTITIES,
+    check_place(output, maps.SUFFIXES, force=force, field="output")
+    robots = [robot_of(name, None, mass) for name in robot]
+    if points > MOST_POINTS:
+        raise cdpr.InvalidInput(
+            f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
+            "more, use a .nc or .zarr store of `cdpr-sim sweep`"
         )
-        dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
+    through = waypoints_of(waypoint)
+    if through and (plane != "xz" or at is not None):
+        raise cdpr.InvalidInput("--waypoint: found waypoints and --plane or --at, expected one of them")
+    poses = along(robots[0], through, path_points) if through else None
+    section = grids.plane(plane, at, points, robots) if poses is None else None
+    dataset = cdpr.sweep(
+        robots,
+        section,
+        material or None,
+        poses=poses,
+        orientation=orientation,
+        external_wrench=wrench_of(wrench),
+        tension_limits=limits,
+        wrenches=wrenches_of(wrenches),
+        quantities=maps.QUANTITIES,
+        progress=True,
+    )
+    if through:
+        figure = path_maps.draw_path_map(dataset, stops(robots[0], through))
+    else:
         names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
-        if through:
-            figure = path_maps.draw_path_map(dataset, stops(robots[0], through))
-        else:
-            figure = maps.draw_elastic_map(dataset, names=names)
-        maps.write(figure, output)
-        _print(dataset)
+        figure = maps.draw_elastic_map(dataset, names=names)
+    maps.write(figure, output)
+    _print(dataset)
     typer.echo(output)
 
 
@@ -159,23 +162,22 @@ def check(
     from cdpr_sim.drawing import maps
     from cdpr_sim.report import workspace_tables as report
 
-    with errors_as_sentences():
-        if output is not None:
-            check_place(output, maps.SUFFIXES, force=force, field="output")
-        robots, through = [robot_of(name, None, mass) for name in robot], waypoints_of(waypoint)
-        if through and output is not None:
-            raise cdpr.InvalidInput("--output: found one for a path, expected a grid: a map shows a plane of it")
-        result = cdpr.check(
-            robots,
-            grid,
-            material or None,
-            poses=along(robots[0], through, path_points) if through else None,
-            orientation=orientation,
-            external_wrench=wrench_of(wrench),
-            certify=certify,
-            progress=True,
-        )
-        if output is not None:
-            maps.write(maps.draw_agreement_map(result.across()), output)
+    if output is not None:
+        check_place(output, maps.SUFFIXES, force=force, field="output")
+    robots, through = [robot_of(name, None, mass) for name in robot], waypoints_of(waypoint)
+    if through and output is not None:
+        raise cdpr.InvalidInput("--output: found one for a path, expected a grid: a map shows a plane of it")
+    result = cdpr.check(
+        robots,
+        grid,
+        material or None,
+        poses=along(robots[0], through, path_points) if through else None,
+        orientation=orientation,
+        external_wrench=wrench_of(wrench),
+        certify=certify,
+        progress=True,
+    )
+    if output is not None:
+        maps.write(maps.draw_agreement_map(result.across()), output)
     print_parts(report.check_table(result.dataset), *report.check_lines(result))
     raise typer.Exit(0 if result.agrees else DISAGREE)

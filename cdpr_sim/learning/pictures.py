@@ -43,7 +43,7 @@ class Camera:
         stage.set(0)
         if self._renderer is None:
             self._renderer = open_renderer(stage.model, self._width, self._height)
-        return self._renderer.draw(stage.look(stage.whole(self._width / self._height)), self._width, self._height)
+        return self._renderer.start(stage.look(stage.whole(self._width / self._height)), self._width, self._height)()
 
     def close(self) -> None:
         """Release the renderer."""

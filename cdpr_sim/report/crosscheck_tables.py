@@ -38,7 +38,7 @@ def best_point(outcome: Outcome) -> Equilibrium | None:
     return outcome if isinstance(outcome, Equilibrium) else outcome.equilibrium
 
 
-def heading(point: Equilibrium | None) -> str:
+def heading(point: Equilibrium | EquilibriumBatch | None) -> str:
     """Column heading of a result, by its source."""
     return "" if point is None else HEADINGS.get(point.source, point.source)
 

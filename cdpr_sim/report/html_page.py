@@ -33,13 +33,12 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
-from cdpr_sim.drawing.video.writing import write_video
 from cdpr_sim.report import crosscheck_tables, html, workspace_tables
 from cdpr_sim.report.analysis_tables import modes_table
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, shapes_of, solved_along, summarise
+from cdpr_sim.studies.robot_summary import RobotSummary, View, summarise, write_both_methods
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -304,8 +303,7 @@ def _video(summary: RobotSummary) -> str:
         return ""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        poses, shapes, seconds = solved_along(motion).poses, shapes_of(motion), len(motion) / VIDEO_RATE
-        write_video(path, motion, poses, shapes=shapes, seconds=seconds, fps=VIDEO_RATE, size=VIDEO_SIZE)
+        write_both_methods(path, [motion], seconds=len(motion) / VIDEO_RATE, fps=VIDEO_RATE, size=VIDEO_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
     caption = (
         f"Video: the winches drive {summary.robot.name} along x through its workspace in MuJoCo; the yellow "

@@ -54,10 +54,8 @@ def reasons(proofs: Sequence[Certificate]) -> list[str]:
     return [escape(f"{', '.join(names)}: not proved: {reason}.") for reason, names in methods.items()]
 
 
-def proof_cell(proof: Certificate | None) -> str:
+def proof_cell(proof: Certificate) -> str:
     """Cell of a results table: the proved bound of the position error [mm]."""
-    if proof is None:
-        return ""
     return _bound(1e3 * proof.position_error) if proof.proved else "[red]no[/]"
 
 

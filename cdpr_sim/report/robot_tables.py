@@ -13,7 +13,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.report.crosscheck_tables import HEADINGS
+from cdpr_sim.report.crosscheck_tables import heading
 from cdpr_sim.report.table_style import new_table
 
 
@@ -52,7 +52,7 @@ def cables_table(robot: Robot) -> Table:
 
 def batch_table(equilibria: EquilibriumBatch) -> Table:
     """Summary of a batch: number of equilibria; their deviation, tilt, tensions, residuals and slack cables."""
-    name = f"{equilibria.robot.name}, by {_method(equilibria)}".replace("\n", " ")
+    name = f"{equilibria.robot.name}, by {heading(equilibria)}".replace("\n", " ")
     table = new_table(f"{name}: {' × '.join(map(str, equilibria.shape))} problems", "", "median", "worst")
     done = equilibria.converged
     table.add_row("equilibria", "", f"{int(done.sum()):,} of {done.size:,}")
@@ -72,7 +72,7 @@ def batch_table(equilibria: EquilibriumBatch) -> Table:
 def trajectory_table(motion: Trajectory) -> Table:
     """Summary of a trajectory, with the time of the worst value."""
     table = new_table(
-        f"{motion.robot.name}: {len(motion)} states in {np.ptp(motion.times):.3g} s, by {_method(motion)}",
+        f"{motion.robot.name}: {len(motion)} states in {np.ptp(motion.times):.3g} s, by {heading(motion)}",
         "", "at the start", "at the end", "worst", "after [s]",
     )  # fmt: skip
     start, taut = motion.times[0], np.where(motion.slack, np.inf, motion.tensions).min(-1)
@@ -96,10 +96,6 @@ def _numbers(equilibria: EquilibriumBatch, rows: Any) -> dict[str, np.ndarray]:
         "tilt [°]": np.degrees(equilibria.tilt[rows]),
         "largest tension [N]": equilibria.tensions[rows].max(-1),
     }
-
-
-def _method(equilibria: EquilibriumBatch) -> str:
-    return HEADINGS.get(equilibria.source, equilibria.source)
 
 
 def _limits(robot: Robot) -> str:

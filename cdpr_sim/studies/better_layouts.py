@@ -84,31 +84,6 @@ def _tensions(equilibria: EquilibriumBatch) -> str:
     return f"{found.min(initial=np.inf):.3g} N, {found.max(initial=0):.3g} N"
 
 
-def picture(validation: LayoutValidation) -> Figure:
-    """Figure of both layouts: changes, maps of tilt through the middle of the poses, and figures of merit."""
-    found = validation.layout
-    robots = (found.given, found.robot)
-    equilibria = (validation.before.settled, validation.after.settled)
-    asked = found.cases.positions
-    across = float(np.median(asked[:, 1]))
-    axes = plane("xz", across, MAP_POINTS, [found.given])
-    maps = [sweep(robot, axes, quantities=["tilt"], chunk=None)["tilt"].values for robot in robots]
-    tilts = _tilt(validation.before)
-    row = 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
-    shapes = [shapes_of(one) for one in equilibria]
-    of, score = found.objective, (validation.before.score, validation.after.score)
-    return draw_better_layout(
-        equilibria, row, [None if one is None else one[row] for one in shapes],
-        (maps[0].squeeze(), maps[1].squeeze()), (*outer_edges(axes["x"]), *outer_edges(axes["z"])),
-        asked, numbers(validation),
-        f"{found.given.name}: {of.name} {of.shown(score[0])} → {of.shown(score[1])}",
-        "Robots settled in MuJoCo at the pose where the given one tilts most. Maps: statics, commanded level at "
-        f"y = {across:.4g} m; grey: no equilibrium; the scale ends at 45° at most. Numbers: MuJoCo, at the poses of "
-        f"the optimisation and midway between them, {len(validation.cases)} cases. They do not hold for other poses, "
-        "loads and cables.",
-    )  # fmt: skip
-
-
 def pareto_picture(front: Front) -> Figure:
     """Figure of a Pareto front."""
     one, other = front.objectives
@@ -122,28 +97,6 @@ def pareto_picture(front: Front) -> Figure:
         f"Each point is a Pareto-optimal layout; by statics, in {len(front.cases)} cases.",
         given=None if np.isnan(given).any() else (float(given[0]), float(given[1])),
     )
-
-
-def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitting: float | None) -> Figure:
-    """Map of the interference-free workspace over a plane."""
-    axes = plane(name, at, CLEARANCE_POINTS, [robot])
-    grid = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
-    distances = clearances(robot, grid, fitting=fitting, points=SEARCH_POINTS)
-    across = next(i for i, axis in enumerate("xyz") if axis not in name)
-    least = np.take(distances.least, 0, axis=across)
-    first, second = sorted(name)
-    if np.isnan(distances.least).all():
-        raise InvalidInput(f"plane: found no pose with an equilibrium of {robot.name!r}, expected one within its reach")
-    free = distances.free(enough)
-    nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(distances.least), distances.least.shape))
-    where = f"{'xyz'[across]} = {float(axes['xyz'[across]][0]):.4g} m"
-    return draw_clearance_map(
-        least, (*outer_edges(axes[first]), *outer_edges(axes[second])), (first, second), enough,
-        f"{robot.name}: interference-free at {free.mean():.0%} of these poses",
-        "Smallest distance between centre lines of cables, the platform and the frame at equilibrium, at "
-        f"{where}; {1e3 * distances.fitting:.3g} mm at both ends of each cable ignored. "
-        f"Smallest: {distances.nearest(nearest)}.",
-    )  # fmt: skip
 
 
 def driven(
@@ -173,58 +126,58 @@ def driven(
 
 
 @styled
-def draw_better_layout(
-    equilibria: tuple[EquilibriumBatch, EquilibriumBatch],
-    row: int,
-    shapes: Sequence[np.ndarray | None],
-    maps: tuple[Float[np.ndarray, "x z"], Float[np.ndarray, "x z"]],
-    extent: tuple[float, float, float, float],
-    asked: Float[np.ndarray, "poses 3"],
-    numbers: Sequence[tuple[str, str, str]],
-    title: str,
-    caption: str,
-) -> Figure:
+def picture(validation: LayoutValidation) -> Figure:
     """Before and after, a column each: the robot in 3D with its changes, a map of tilt, and figures of merit.
 
-    Args:
-        equilibria: of both robots, (rows,), at the same commands.
-        row: drawn in 3D.
-        shapes: profiles of the cables of that row, for robots whose cables have mass.
-        maps: tilt [rad] over x and z; nan without an equilibrium.
-        extent: x and z of the maps' borders [m]: (x0, x1, z0, z1).
-        asked: commanded positions of the optimisation [m].
-        numbers: (label, before, after) as text.
-        title: above.
-        caption: below.
+    The robots are drawn at the pose where the given one tilts most; the maps are in the plane through the middle of the
+    poses.
     """
-    figure = canvas(WIDTH, HEIGHT, title, caption)
-    grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(numbers) + 0.1])
-    robots = [one.robot for one in equilibria]
-    most = min(max(float(np.nan_to_num(one).max()) for one in maps), np.radians(MOST_DEGREES))
+    found, rows = validation.layout, numbers(validation)
+    sides, robots = (validation.before, validation.after), (found.given, found.robot)
+    asked = found.cases.positions
+    across = float(np.median(asked[:, 1]))
+    axes = plane("xz", across, MAP_POINTS, [found.given])
+    extent = (*outer_edges(axes["x"]), *outer_edges(axes["z"]))
+    maps = [
+        np.degrees(sweep(robot, axes, quantities=["tilt"], chunk=None)["tilt"].values.squeeze()) for robot in robots
+    ]
+    most = min(max(float(np.nan_to_num(one).max()) for one in maps), MOST_DEGREES)
+    tilts = _tilt(validation.before)
+    worst = 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
+    before, after = (found.objective.shown(side.score) for side in sides)
+    figure = canvas(
+        WIDTH,
+        HEIGHT,
+        f"{found.given.name}: {found.objective.name} {before} → {after}",
+        "Robots settled in MuJoCo at the pose where the given one tilts most. Maps: statics, commanded level at "
+        f"y = {across:.4g} m; grey: no equilibrium; the scale ends at 45° at most. Numbers: MuJoCo, at the poses of "
+        f"the optimisation and midway between them, {len(validation.cases)} cases. They do not hold for other poses, "
+        "loads and cables.",
+    )
+    grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(rows) + 0.1])
     image, panels = None, []
-    for column, (one, name) in enumerate(zip(equilibria, ("before", "after"), strict=True)):
-        space = figure.add_subplot(grid[1, column], projection="3d")
-        draw_frame(space, one.robot)
+    for column, (side, tilt, name) in enumerate(zip(sides, maps, ("before", "after"), strict=True)):
+        space, shapes = figure.add_subplot(grid[1, column], projection="3d"), shapes_of(side.settled)
+        draw_frame(space, side.settled.robot)
         _reach(space, robots)
         if column:
             _draw_moves(space, *robots)
-        draw_pose(space, one, row, shapes[column])
+        draw_pose(space, side.settled, worst, None if shapes is None else shapes[worst])
         for drawn in space.get_children():
             drawn.set_clip_on(False)
             drawn.set_in_layout(False)
         space.set_title(name, fontsize=11, fontweight="bold")
-        plane = figure.add_subplot(grid[2, column])
-        panels.append(plane)
-        image = plane.imshow(
-            np.degrees(maps[column]).T, origin="lower", extent=extent, aspect="equal", cmap=style.MAP_TILT, vmin=0,
-            vmax=max(np.degrees(most), 1e-3), interpolation="nearest",
+        panel = figure.add_subplot(grid[2, column])
+        panels.append(panel)
+        image = panel.imshow(
+            tilt.T, origin="lower", extent=extent, aspect="equal", cmap=style.MAP_TILT, vmin=0, vmax=max(most, 1e-3),
+            interpolation="nearest",
         )  # fmt: skip
-        plane.set_facecolor(style.MAP_UNSOLVED)
-        plane.plot(asked[:, 0], asked[:, 2], ".", ms=3, color=style.SKY, mec="white", mew=0.3)
-        plane.set(xlabel="commanded x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
-    assert image is not None
+        panel.set_facecolor(style.MAP_UNSOLVED)
+        panel.plot(asked[:, 0], asked[:, 2], ".", ms=3, color=style.SKY, mec="white", mew=0.3)
+        panel.set(xlabel="commanded x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
     figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
-    _write_numbers(figure.add_subplot(grid[3, :]), numbers)
+    _write_numbers(figure.add_subplot(grid[3, :]), rows)
     handles = [
         key("exit moved, from its previous position", color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white"),
         slack_key(),
@@ -274,26 +227,37 @@ def _write_numbers(ax: Axes, numbers: Sequence[tuple[str, str, str]]) -> None:
 
 
 @styled
-def draw_clearance_map(
-    least: Float[np.ndarray, "horizontal vertical"],
-    extent: tuple[float, float, float, float],
-    names: tuple[str, str],
-    enough: float,
-    title: str,
-    caption: str,
-) -> Figure:
+def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitting: float | None) -> Figure:
     """Map of the interference-free workspace: the smallest distance over a plane, and where it is sufficient.
 
     Args:
-        least: smallest distances [m]; nan without an equilibrium.
-        extent: borders of the map [m].
-        names: of its two axes.
+        robot: the robot.
+        name: of the plane: "xz", "xy" or "yz".
+        at: position of the plane [m]; default: the middle.
         enough: a smaller distance is interference [m].
-        title: above.
-        caption: below.
+        fitting: length ignored at both ends of each cable [m].
+
+    Raises:
+        InvalidInput: no equilibrium in the plane.
     """
+    axes = plane(name, at, CLEARANCE_POINTS, [robot])
+    grid = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
+    distances = clearances(robot, grid, fitting=fitting, points=SEARCH_POINTS)
+    if np.isnan(distances.least).all():
+        raise InvalidInput(f"plane: found no pose with an equilibrium of {robot.name!r}, expected one within its reach")
+    (normal,), (first, second) = set("xyz") - set(name), sorted(name)
+    least = np.take(distances.least, 0, axis="xyz".index(normal))
+    nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(distances.least), distances.least.shape))
+    extent = (*outer_edges(axes[first]), *outer_edges(axes[second]))
     wide, high = extent[1] - extent[0], extent[3] - extent[2]
-    figure = canvas(7.2, 1.9 + 5.4 * min(high / wide, 1.2), title, caption)
+    figure = canvas(
+        7.2,
+        1.9 + 5.4 * min(high / wide, 1.2),
+        f"{robot.name}: interference-free at {distances.free(enough).mean():.0%} of these poses",
+        "Smallest distance between centre lines of cables, the platform and the frame at equilibrium, at "
+        f"{normal} = {float(axes[normal][0]):.4g} m; {1e3 * distances.fitting:.3g} mm at both ends of each cable "
+        f"ignored. Smallest: {distances.nearest(nearest)}.",
+    )
     ax = figure.add_subplot()
     image = ax.imshow(
         1e3 * least.T, origin="lower", extent=extent, cmap=style.STIFFNESS_MAP, vmin=0, interpolation="nearest"
@@ -306,7 +270,7 @@ def draw_clearance_map(
         )  # fmt: skip
         label = f"below {1e3 * enough:g} mm" if enough else "interference: distance zero"
         figure.legend(handles=[Patch(fc=style.VERMILLION, label=label)], loc="outside upper right")
-    ax.set(xlabel=f"commanded {names[0]} [m]", ylabel=f"commanded {names[1]} [m]", aspect="equal")
+    ax.set(xlabel=f"commanded {first} [m]", ylabel=f"commanded {second} [m]", aspect="equal")
     figure.colorbar(image, ax=ax, label="smallest distance [mm]", shrink=0.9)
     return figure
 

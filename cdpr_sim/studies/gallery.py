@@ -48,13 +48,13 @@ PICTURES: dict[str, Picture] = {
     "two-cable-poses": Picture(
         "Fig. 4",
         "commanded poses of the bar, the tilt of equilibrium at these positions, and its equilibria",
-        two_cable.closed_forms,
+        two_cable.two_cable_bar,
         two_cable.draw_poses,
     ),
     "two-cable-closed-form": Picture(
         "Eq. 5, 6",
         "the bar's tilt by closed form, solver and MuJoCo, and the error of the paper's short-bar formula",
-        two_cable.closed_forms,
+        two_cable.two_cable_bar,
         two_cable.draw_closed_form,
     ),
     "layouts": Picture(

@@ -201,8 +201,10 @@ def _crossing(positions: np.ndarray, margin: np.ndarray, inside: int, outside: i
     return positions[inside] + share * (positions[outside] - positions[inside])
 
 
-def paper_lines(*, static_rows: int = 601, settled_rows: int = 13) -> tuple[Line, ...]:
-    """The paper's experiment (section IV): every layout with every material at every height.
+def paper_lines(
+    layouts: Sequence[str] = ("parallel", "cogiro"), *, static_rows: int = 601, settled_rows: int = 13
+) -> tuple[Line, ...]:
+    """The paper's experiment (section IV): every layout (default: the paper's) with every material at every height.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
@@ -210,7 +212,7 @@ def paper_lines(*, static_rows: int = 601, settled_rows: int = 13) -> tuple[Line
     """
     return tuple(
         line(robot.replace(material=material), height, PAPER_LINE, static_rows=static_rows, settled_rows=settled_rows)
-        for robot in map(load_robot, ("parallel", "cogiro"))
+        for robot in map(load_robot, layouts)
         for material in PAPER_MATERIALS
         for height in PAPER_HEIGHTS
     )

@@ -4,10 +4,11 @@
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -53,100 +54,70 @@ LEAST_MARGIN = 1e-3
 ABOVE, BELOW = 0, 4
 """An upper and a lower cable: at the middle, all others are equivalent to one of them."""
 
-
-@dataclass(frozen=True, eq=False)
-class Stiffening:
-    """Stiffness of the platform over pretension, without external wrench.
-
-    Attributes:
-        pretensions: (pretensions,) [N].
-        eigenvalues: of the stiffness matrix by statics, ascending, (pretensions, 6) [N/m].
-        settled_pretensions: (some,) [N].
-        settled: eigenvalues by MuJoCo, (some, 6) [N/m].
-        directions: direction of each eigenvalue: "along x", "about z".
-        rigid: eigenvalues with rigid lengths, without pretension, (6,) [N/m].
-    """
-
-    pretensions: Float[np.ndarray, " pretensions"]
-    eigenvalues: Float[np.ndarray, "pretensions 6"]
-    settled_pretensions: Float[np.ndarray, " some"]
-    settled: Float[np.ndarray, "some 6"]
-    directions: tuple[str, ...]
-    rigid: Float[np.ndarray, "6"]
+SIDES = {ABOVE: "upper", BELOW: "lower"}
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
-    """Displacement of the platform under a wrench, over pretension.
+class Series:
+    """Equilibria over a quantity: at all its values by statics, and at one of ``every`` by MuJoCo.
 
     Attributes:
-        what: name of the wrench.
-        shifts: displacements by statics, (pretensions,) [m].
-        turns: rotations by statics, (pretensions,) [rad].
-        settled_shifts: displacements by MuJoCo, (some,) [m].
-        settled_turns: rotations by MuJoCo, (some,) [rad].
-        taut: smallest pretension without slack cables under this wrench [N].
+        values: of the quantity, (values,).
+        every: one of so many values is settled.
+        static: (values,).
+        settled: (some,).
     """
 
-    what: str
-    shifts: Float[np.ndarray, " pretensions"]
-    turns: Float[np.ndarray, " pretensions"]
-    settled_shifts: Float[np.ndarray, " some"]
-    settled_turns: Float[np.ndarray, " some"]
-    taut: float
+    values: Float[np.ndarray, " values"]
+    every: int
+    static: EquilibriumBatch
+    settled: EquilibriumBatch
 
-
-@dataclass(frozen=True, eq=False)
-class WrongLength:
-    """Effect of an error of one cable's rest length.
-
-    Attributes:
-        cable: index of the cable, from 0.
-        errors: of its rest length, (errors,) [m].
-        shifts: displacements of the platform by statics, (errors,) [m].
-        turns: rotations of the platform by statics, (errors,) [rad].
-        largest_tensions: of all cables by statics, (errors,) [N].
-        slack: number of slack cables, (errors,).
-        settled_errors: (some,) [m].
-        settled_shifts, settled_turns, settled_largest_tensions: by MuJoCo, (some,) [m], [rad], [N].
-    """
-
-    cable: int
-    errors: Float[np.ndarray, " errors"]
-    shifts: Float[np.ndarray, " errors"]
-    turns: Float[np.ndarray, " errors"]
-    largest_tensions: Float[np.ndarray, " errors"]
-    slack: Int[np.ndarray, " errors"]
-    settled_errors: Float[np.ndarray, " some"]
-    settled_shifts: Float[np.ndarray, " some"]
-    settled_turns: Float[np.ndarray, " some"]
-    settled_largest_tensions: Float[np.ndarray, " some"]
-
-    def short_by(self, tension: float) -> float:
-        """Length error [m], too short, at which the largest tension of all cables is ``tension`` [N]."""
-        short = self.errors <= 0
-        return float(np.interp(tension, self.largest_tensions[short][::-1], -self.errors[short][::-1]))
+    @property
+    def settled_values(self) -> Float[np.ndarray, " some"]:
+        """Values at which MuJoCo was settled."""
+        return self.values[:: self.every]
 
 
 @dataclass(frozen=True, eq=False)
 class Pretension:
-    """The whole study.
+    """A fully constrained robot, commanded to its home.
 
     Attributes:
-        robot: fully constrained, commanded to its home.
-        stiffening: without a wrench.
-        pushes: under each of ``PUSHES``.
-        wrong: length errors of an upper and a lower cable.
+        unloaded: over pretension [N], without external wrench.
+        pushes: the same under each of ``PUSHES``, by its name.
+        taut: smallest pretension [N] without slack cables under each of ``PUSHES``.
+        wrong: over an error [m] of one rest length at the pretension ``HELD``, by the index of the cable.
+        rigid: eigenvalues with rigid lengths, without pretension, (6,) [N/m].
         drawn: MuJoCo's equilibrium at ``DRAWN`` under the downward force, (1,).
-        method_differences: largest distance between the methods [m], and largest relative difference of an eigenvalue.
     """
 
-    robot: Robot
-    stiffening: Stiffening
-    pushes: tuple[Push, ...]
-    wrong: tuple[WrongLength, ...]
+    unloaded: Series
+    pushes: dict[str, Series]
+    taut: dict[str, float]
+    wrong: dict[int, Series]
+    rigid: Float[np.ndarray, "6"]
     drawn: EquilibriumBatch
-    method_differences: tuple[float, float]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.drawn.robot
+
+    def short_by(self, cable: int, tension: float) -> float:
+        """Error of this cable's rest length [m], too short, at which the largest of all tensions is ``tension`` [N]."""
+        one = self.wrong[cable]
+        short = one.values <= 0
+        return float(np.interp(tension, one.static.tensions.max(-1)[short][::-1], -one.values[short][::-1]))
+
+    def method_differences(self) -> tuple[float, float]:
+        """Largest distance between the methods [m], and largest relative difference of an eigenvalue."""
+        distances, shares = [], []
+        for one in (self.unloaded, *self.pushes.values(), *self.wrong.values()):
+            values = one.static.eigenvalues[:: one.every]
+            distances.append(np.abs(one.static.positions[:: one.every] - one.settled.positions).max())
+            shares.append((np.abs(values - one.settled.eigenvalues).max(-1) / values.max(-1)).max())
+        return float(max(distances)), float(max(shares))
 
 
 def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretension:
@@ -154,7 +125,7 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
 
     Args:
         points: number of pretensions.
-        every: one of so many pretensions and errors is settled in MuJoCo as well.
+        every: one of so many pretensions and of half as many errors is settled in MuJoCo as well.
         errors: number of errors of one length.
 
     Raises:
@@ -166,42 +137,21 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
     least = least_pretension(robot)
     sizes = np.geomspace(least, float(robot.force_max.min()) - least, points)  # to the tension limit of upper cables
     lengths = np.array([robot.rest_lengths(home, size) for size in sizes])
-    still = _both(robot, lengths, every)
-    moved = {what: _both(robot, lengths, every, wrench) for what, wrench in PUSHES.items()}
     nominal = robot.rest_lengths(home, HELD)
-    wrong, batches = [], []
-    for cable in (ABOVE, BELOW):
-        changes = np.linspace(-MOST_ERROR, MOST_ERROR, errors) * nominal[cable]
-        lengths_with_error = np.repeat(nominal[None], errors, axis=0)
-        lengths_with_error[:, cable] += changes
-        static, settled = methods = _both(robot, lengths_with_error, every // 2)
-        batches.append(methods)
-        wrong.append(
-            WrongLength(
-                cable, changes, _shifts(static), _turns(static), static.tensions.max(-1), static.slack.sum(-1),
-                changes[:: every // 2], _shifts(settled), _turns(settled), settled.tensions.max(-1),
-            )
-        )  # fmt: skip
-    pushes = tuple(
-        Push(what, _shifts(static), _turns(static), _shifts(settled), _turns(settled), taut_from(robot, PUSHES[what]))
-        for what, (static, settled) in moved.items()
-    )  # fmt: skip
-    static, settled = still
-    compared = [(*methods, every) for methods in (still, *moved.values())] + [
-        (*methods, every // 2) for methods in batches
-    ]
-    differences = np.max([_difference(static, settled, step) for static, settled, step in compared], axis=0)
-    rigid = solve_many(robot, home[None])
-    drawn = settle_many(robot, home[None], robot.rest_lengths(home, DRAWN)[None], external_wrench=PUSHES["pushed down"])
+    changes = {cable: np.linspace(-MOST_ERROR, MOST_ERROR, errors) * nominal[cable] for cable in (ABOVE, BELOW)}
+    cables = np.arange(robot.cables)
     return Pretension(
-        robot=robot,
-        stiffening=Stiffening(
-            sizes, static.eigenvalues, sizes[::every], settled.eigenvalues, _directions(static), rigid.eigenvalues[0]
+        unloaded=_series(robot, sizes, every, lengths),
+        pushes={what: _series(robot, sizes, every, lengths, wrench) for what, wrench in PUSHES.items()},
+        taut={what: taut_from(robot, wrench) for what, wrench in PUSHES.items()},
+        wrong={
+            cable: _series(robot, change, every // 2, nominal + np.outer(change, cables == cable))
+            for cable, change in changes.items()
+        },
+        rigid=solve_many(robot, home[None]).eigenvalues[0],
+        drawn=settle_many(
+            robot, home[None], robot.rest_lengths(home, DRAWN)[None], external_wrench=PUSHES["pushed down"]
         ),
-        pushes=pushes,
-        wrong=tuple(wrong),
-        drawn=drawn,
-        method_differences=(float(differences[0]), float(differences[1])),
     )
 
 
@@ -237,37 +187,36 @@ def taut_from(robot: Robot, wrench: ArrayLike) -> float:
     return float(brentq(least_stretch, low, high, xtol=1e-6))  # type: ignore[arg-type]
 
 
-def _both(
-    robot: Robot, lengths: Float[np.ndarray, "rows cables"], every: int, wrench: ArrayLike | None = None
-) -> tuple[EquilibriumBatch, EquilibriumBatch]:
-    """All rows by statics, and one of ``every`` by MuJoCo, commanded to the robot's home."""
-    methods = []
-    for method, some in ((solve_many, lengths), (settle_many, lengths[::every])):
-        equilibria = method(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench)
-        methods.append(all_solved(equilibria))
-    return methods[0], methods[1]
+def _series(
+    robot: Robot,
+    values: Float[np.ndarray, " values"],
+    every: int,
+    lengths: Float[np.ndarray, "values cables"],
+    wrench: ArrayLike | None = None,
+) -> Series:
+    """Equilibria commanded to the robot's home, with rest lengths for each of the values."""
+
+    def solved(method: Callable[..., EquilibriumBatch], some: Float[np.ndarray, "some cables"]) -> EquilibriumBatch:
+        return all_solved(method(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench))
+
+    return Series(values, every, solved(solve_many, lengths), solved(settle_many, lengths[::every]))
 
 
-def _shifts(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+def shifts(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+    """Displacements of the platform [m]."""
     return np.linalg.norm(equilibria.deviation, axis=-1)
 
 
-def _turns(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+def turns(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+    """Rotations of the platform [rad]."""
     return np.asarray(Rotation.from_matrix(equilibria.rotations).magnitude())
 
 
-def _directions(equilibria: EquilibriumBatch) -> tuple[str, ...]:
-    """Direction of each eigenvalue of the first row; by symmetry the stiffness matrix is diagonal there."""
-    state = forces.at(equilibria[0].problem, equilibria.positions[0], equilibria.rotations[0])
+def directions(equilibria: EquilibriumBatch) -> list[str]:
+    """Direction of each eigenvalue of the first row, "along x"; by symmetry the stiffness matrix is diagonal there."""
+    state = forces.at(equilibria.problems[0], equilibria.positions[0], equilibria.rotations[0])
     stiffness = np.diag(state.stiffness_matrix) / equilibria.robot.units**2
-    return tuple(f"{'along' if i < 3 else 'about'} {'xyzxyz'[i]}" for i in np.argsort(stiffness))
-
-
-def _difference(static: EquilibriumBatch, settled: EquilibriumBatch, every: int) -> tuple[float, float]:
-    """Largest distance between the methods' positions [m], and largest relative difference of eigenvalues."""
-    distance = np.abs(static.positions[::every] - settled.positions).max()
-    values = static.eigenvalues[::every]
-    return float(distance), float((np.abs(values - settled.eigenvalues).max(-1) / values.max(-1)).max())
+    return [f"{'along' if i < 3 else 'about'} {'xyzxyz'[i]}" for i in np.argsort(stiffness)]
 
 
 # The figure
@@ -284,9 +233,9 @@ SLACK = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH, "lw": 2.2}
 @styled
 def draw_pretension(study: Pretension) -> Figure:
     """Stiffness over pretension, slack cables, and the effect of one length error."""
-    stiffening, robot = study.stiffening, study.robot
-    gain = stiffening.eigenvalues[-1, 0] / stiffening.rigid[0]
-    overload = study.wrong[0].short_by(float(robot.force_max[0]))
+    robot, differences = study.robot, study.method_differences()
+    gain = study.unloaded.static.eigenvalues[-1, 0] / study.rigid[0]
+    overload = study.short_by(ABOVE, float(robot.force_max[0]))
     figure = canvas(
         13,
         8.2,
@@ -296,8 +245,8 @@ def draw_pretension(study: Pretension) -> Figure:
         f"{robot.force_max[0]:.0f} N; platform of {robot.mass:g} kg (assumed) commanded to the middle. Pretension p: "
         "rest lengths whose tensions balance the weight and are closest to p. Rotations are weighted by the distance "
         f"of {1e3 * robot.characteristic_length:.0f} mm from the platform's middle to its anchors. Lines: statics; "
-        f"hollow points: MuJoCo. Differences below {exponent(study.method_differences[0])} m and "
-        f"{exponent(study.method_differences[1])} of the stiffness.",
+        f"hollow points: MuJoCo. Differences below {exponent(differences[0])} m and "
+        f"{exponent(differences[1])} of the stiffness.",
     )
     grid = figure.add_gridspec(2, 3)
     _robot(figure.add_subplot(grid[0, 0], projection="3d"), study)
@@ -329,42 +278,53 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
 
 def _stiffness(ax: Axes, study: Pretension) -> None:
     """Six eigenvalues over pretension, labelled by their directions."""
-    one = study.stiffening
-    for mode, name in enumerate(one.directions):
+    one, names = study.unloaded, directions(study.unloaded.static)
+    eigenvalues, settled = one.static.eigenvalues / 1e3, one.settled.eigenvalues / 1e3
+    for mode, name in enumerate(names):
         color = style.CABLES[mode]
-        ax.plot(one.pretensions, one.eigenvalues[:, mode] / 1e3, color=color, gid=f"static {name}")
-        ax.plot(one.settled_pretensions, one.settled[:, mode] / 1e3, **points(color), gid=f"mujoco {name}")
-    heights = one.eigenvalues[-1] / 1e3
+        ax.plot(one.values, eigenvalues[:, mode], color=color, gid=f"static {name}")
+        ax.plot(one.settled_values, settled[:, mode], **points(color), gid=f"mujoco {name}")
+    heights = eigenvalues[-1].copy()
     for mode in range(1, len(heights)):  # room for each label
         heights[mode] = max(heights[mode], LABEL_SPACING * heights[mode - 1])
-    for name, color, height in zip(one.directions, style.CABLES, heights, strict=False):
-        ax.annotate(name, (1.04 * one.pretensions[-1], height), color=color, fontsize=8.5, va="center",
+    for name, color, height in zip(names, style.CABLES, heights, strict=False):
+        ax.annotate(name, (1.04 * one.values[-1], height), color=color, fontsize=8.5, va="center",
                     annotation_clip=False)  # fmt: skip
-    rigid = one.rigid[0] / 1e3
+    rigid = study.rigid[0] / 1e3
     ax.plot(0, rigid, "D", color=style.CABLES[0], ms=5, clip_on=False, zorder=6, gid="rigid")
     ax.annotate(f"{rigid:.2g} kN/m with rigid lengths:\nlower cables slack", (0, rigid), (10, 0),
                 textcoords="offset points", fontsize=8.5, va="center", color=style.MUTED)  # fmt: skip
     ax.set(xlabel="pretension [N]", ylabel="stiffness [kN/m]", yscale="log")
-    ax.set_xlim(0, 1.02 * one.pretensions[-1])
+    ax.set_xlim(0, 1.02 * one.values[-1])
     ax.set_ylim(0.7 * rigid, 900)
     ax.set_title("Six stiffnesses: rotations gain most")
     ax.legend(handles=[SETTLED], loc="upper left")
 
 
+def displacements(what: str, equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+    """Displacements [mm] under one of ``PUSHES``, or rotations [°] if it is a torque."""
+    return np.degrees(turns(equilibria)) if is_torque(what) else 1e3 * shifts(equilibria)
+
+
+def is_torque(what: str) -> bool:
+    """Whether one of ``PUSHES`` is a torque."""
+    return not PUSHES[what][:3].any()
+
+
 def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
     """Displacements under forces, or rotations under torques; dotted where a cable is slack."""
-    pushes = [push for push in study.pushes if push.what.startswith("turned") == turned]
-    sizes, some = study.stiffening.pretensions, study.stiffening.settled_pretensions
-    for push, color, marker in zip(pushes, style.CABLES, style.MARKERS, strict=False):
-        values = np.degrees(push.turns) if turned else 1e3 * push.shifts
-        settled = np.degrees(push.settled_turns) if turned else 1e3 * push.settled_shifts
-        slack = sizes <= push.taut
-        at = float(np.interp(push.taut, sizes, values))
-        ax.plot([push.taut, *sizes[~slack]], [at, *values[~slack]], color=color, gid=f"static {push.what}")
-        ax.plot([*sizes[slack], push.taut], [*values[slack], at], **SLACK | {"color": color}, gid=f"slack {push.what}")
-        ax.plot(push.taut, at, marker, color=color, ms=6.5, zorder=7)
-        ax.plot(some, settled, **points(color, marker), gid=f"mujoco {push.what}")
-        ax.plot([], [], color=color, marker=marker, ms=5, label=f"{push.what}: taut from {push.taut:.0f} N")
+    pushes = {what: push for what, push in study.pushes.items() if is_torque(what) == turned}
+    sizes = study.unloaded.values
+    for (name, push), color, marker in zip(pushes.items(), style.CABLES, style.MARKERS, strict=False):
+        taut, values = study.taut[name], displacements(name, push.static)
+        slack = sizes <= taut
+        at = float(np.interp(taut, sizes, values))
+        ax.plot([taut, *sizes[~slack]], [at, *values[~slack]], color=color, gid=f"static {name}")
+        ax.plot([*sizes[slack], taut], [*values[slack], at], **SLACK | {"color": color}, gid=f"slack {name}")
+        ax.plot(taut, at, marker, color=color, ms=6.5, zorder=7)
+        settled = displacements(name, push.settled)
+        ax.plot(push.settled_values, settled, **points(color, marker), gid=f"mujoco {name}")
+        ax.plot([], [], color=color, marker=marker, ms=5, label=f"{name}: taut from {taut:.0f} N")
     what = f"rotation under {TORQUE:g} N m [°]" if turned else f"displacement under {FORCE:g} N [mm]"
     ax.set(xlabel="pretension [N]", ylabel=what, xscale="log")
     ax.set_xlim(0.96 * sizes[0], 1.03 * sizes[-1])
@@ -382,12 +342,9 @@ def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
 
 def _displacements(ax: Axes, study: Pretension) -> None:
     """Displacement of the platform by one length error."""
-    for wrong, color, marker in _wrong(study):
-        where = "upper" if wrong.cable == ABOVE else "lower"
-        ax.plot(1e3 * wrong.errors, 1e3 * wrong.shifts, color=color, gid=f"static {wrong.cable}")
-        ax.plot(1e3 * wrong.settled_errors, 1e3 * wrong.settled_shifts, **points(color, marker))
-        ax.plot([], [], color=color, marker=marker, ms=5, label=f"{where} cable")
-    _along_errors(ax, study)
+    _over_errors(ax, study, lambda equilibria: 1e3 * shifts(equilibria))
+    for (cable, _), color, marker in _wrong(study):
+        ax.plot([], [], color=color, marker=marker, ms=5, label=f"{SIDES[cable]} cable")
     ax.set_ylabel("displacement of the platform [mm]")
     ax.set_title(f"One length error, at {HELD:g} N of pretension")
     ax.set_ylim(0, 1.25 * ax.get_ylim()[1])
@@ -396,21 +353,18 @@ def _displacements(ax: Axes, study: Pretension) -> None:
 
 def _overload(ax: Axes, study: Pretension) -> None:
     """Largest tension of all cables under one length error."""
-    for wrong, color, marker in _wrong(study):
-        ax.plot(1e3 * wrong.errors, wrong.largest_tensions, color=color, gid=f"static {wrong.cable}")
-        ax.plot(1e3 * wrong.settled_errors, wrong.settled_largest_tensions, **points(color, marker))
-        first = np.flatnonzero(wrong.slack)
-        if first.size:
-            at = first[0]
-            ax.plot(1e3 * wrong.errors[at], wrong.largest_tensions[at], marker, color=color, ms=6.5, zorder=7)
+    _over_errors(ax, study, lambda equilibria: equilibria.tensions.max(-1))
+    for (_, wrong), color, marker in _wrong(study):
+        first = np.flatnonzero(wrong.static.slack.any(-1))[:1]
+        largest = wrong.static.tensions[first].max(-1)
+        ax.plot(1e3 * wrong.values[first], largest, marker, color=color, ms=6.5, zorder=7)
     limit = study.robot.force_max[0]
     ax.axhline(limit, color=style.INK, lw=1, ls=style.COMMANDED_DASH)
-    ax.annotate(f"the winches' {limit:g} N", (1e3 * study.wrong[0].errors[-1], limit), (0, 4), ha="right",
+    ax.annotate(f"the winches' {limit:g} N", (1e3 * study.wrong[ABOVE].values[-1], limit), (0, 4), ha="right",
                 textcoords="offset points", fontsize=8.5)  # fmt: skip
-    short = 1e3 * study.wrong[0].short_by(limit)
+    short = 1e3 * study.short_by(ABOVE, limit)
     ax.annotate(f"{short:.0f} mm too short", (-short, limit), (12, 22), textcoords="offset points", fontsize=8.5,
                 arrowprops={"arrowstyle": "-", "color": style.MUTED, "lw": 0.7})  # fmt: skip
-    _along_errors(ax, study)
     ax.set_ylabel("largest tension [N]")
     ax.set_ylim(bottom=0)
     ax.set_title("Largest tension under this length error")
@@ -419,11 +373,15 @@ def _overload(ax: Axes, study: Pretension) -> None:
 
 
 def _wrong(study: Pretension):
-    return zip(study.wrong, (style.BLUE, style.VERMILLION), style.MARKERS, strict=False)
+    return zip(study.wrong.items(), (style.BLUE, style.VERMILLION), style.MARKERS, strict=False)
 
 
-def _along_errors(ax: Axes, study: Pretension) -> None:
-    most = 1e3 * study.wrong[0].errors[-1]
+def _over_errors(ax: Axes, study: Pretension, quantity: Callable[[EquilibriumBatch], np.ndarray]) -> None:
+    """A quantity over the error of one length, by both methods, for each cable."""
+    for (cable, wrong), color, marker in _wrong(study):
+        ax.plot(1e3 * wrong.values, quantity(wrong.static), color=color, gid=f"static {cable}")
+        ax.plot(1e3 * wrong.settled_values, quantity(wrong.settled), **points(color, marker))
+    most = 1e3 * study.wrong[ABOVE].values[-1]
     ax.set_xlabel(f"error of its length, {MOST_ERROR:.0%} at the ends [mm]")
     ax.set_xlim(-1.03 * most, 1.03 * most)
     ax.axvline(0, color=style.FAINT, lw=style.HAIR, zorder=0)

@@ -211,33 +211,20 @@ def growth(case: StudiedRobot, axis: tuple[float, float, float] = BELOW, *, pose
 
 
 @dataclass(frozen=True, eq=False)
-class CableExample:
-    """An equilibrium by MuJoCo, to be drawn.
-
-    Attributes:
-        equilibria: a single row.
-        shapes: profiles of its cables, (cables, points, 3) [m].
-    """
-
-    equilibria: EquilibriumBatch
-    shapes: Float[np.ndarray, "cables points 3"]
-
-
-@dataclass(frozen=True, eq=False)
 class RealCables:
     """The whole study.
 
     Attributes:
         effects: of each robot and property.
         growths: position error over the pulleys' radius.
-        over_pulleys: DemoBot with pulleys unknown to its winches.
-        with_mass: the crane, with cables with mass.
+        over_pulleys: DemoBot with pulleys unknown to its winches, by MuJoCo, (1,).
+        with_mass: the crane, with cables with mass, by MuJoCo, (1,).
     """
 
     effects: tuple[CableEffect, ...]
     growths: tuple[Growth, ...]
-    over_pulleys: CableExample
-    with_mass: CableExample
+    over_pulleys: EquilibriumBatch
+    with_mass: EquilibriumBatch
 
 
 def real_cables(poses: int = POSES) -> RealCables:
@@ -259,8 +246,8 @@ def real_cables(poses: int = POSES) -> RealCables:
             growth(crossed, ABOVE, poses=poses),
             growth(large, poses=poses),
         ),
-        over_pulleys=_example(over, aside, point_exit_lengths(over, aside)),
-        with_mass=_example(large.robot.replace(linear_density=large.density), corner),
+        over_pulleys=all_solved(settle_many(over, aside, point_exit_lengths(over, aside))),
+        with_mass=all_solved(settle_many(large.robot.replace(linear_density=large.density), corner)),
     )
 
 
@@ -288,11 +275,6 @@ def effect_of(
     )
     shifts, turns = np.linalg.norm(settled.positions - start, axis=-1), np.abs(settled.tilt - tilt)
     return CableEffect(title, what, shifts[rows], turns[rows], difference, int((~rows).sum()))
-
-
-def _example(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> CableExample:
-    equilibria = all_solved(settle_many(robot, commanded, rest_lengths))
-    return CableExample(equilibria, cable_profiles(equilibria)[0])
 
 
 # The figure
@@ -339,9 +321,8 @@ def draw_real_cables(study: RealCables) -> Figure:
     return figure
 
 
-def _pulleys(ax: Axes, example: CableExample) -> None:
+def _pulleys(ax: Axes, equilibria: EquilibriumBatch) -> None:
     """DemoBot with pulleys, and its commanded pose with point exits."""
-    equilibria = example.equilibria
     robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
     drawing.draw_frame(ax, robot)
     commanded = equilibria.problems.positions[0]
@@ -377,14 +358,16 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     near.spines[:].set(visible=True, color=style.FAINT)
 
 
-def _ropes_with_mass(ax: Axes, example: CableExample) -> None:
+def _ropes_with_mass(ax: Axes, equilibria: EquilibriumBatch) -> None:
     """The crane with the profiles of its ropes."""
-    equilibria = example.equilibria
     robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
+    shapes = cable_profiles(equilibria)[0]
     drawing.draw_frame(ax, robot)
     drawing.draw_platform(ax, robot, position, rotation)
-    drawing.draw_cables(ax, robot, position, rotation, equilibria.slack[0], shapes=example.shapes)
-    along, sags = _sags(example)
+    drawing.draw_cables(ax, robot, position, rotation, equilibria.slack[0], shapes=shapes)
+    along = np.linspace(0, 1, shapes.shape[1])
+    chords = shapes[:, :1] + along[:, None] * (shapes[:, -1:] - shapes[:, :1])
+    sags = 1e3 * (chords - shapes)[..., 2]
     ax.set_title(f"The crane on steel ropes, with a sag of {sags.max(1).min():.0f} to {sags.max(1).max():.0f} mm")
     # The same profiles, with the sag enlarged.
     near = ax.inset_axes((0.52, 0.14, 0.45, 0.36))
@@ -457,11 +440,3 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
 def _left_out(effects: tuple[CableEffect, ...]) -> str:
     missing = sum(effect.unsettled for effect in effects)
     return f" Left out: {missing} poses at which MuJoCo did not settle." if missing else ""
-
-
-def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:
-    """Fraction along each rope (points,), and sag below its chord, (cables, points) [mm]."""
-    shapes = example.shapes
-    along = np.linspace(0, 1, shapes.shape[1])
-    chords = shapes[:, :1] + along[:, None] * (shapes[:, -1:] - shapes[:, :1])
-    return along, 1e3 * (chords - shapes)[..., 2]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +27,7 @@ from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.crosscheck.check import REFUSED, Check, check
 from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.drawing import maps
+from cdpr_sim.drawing.video.writing import write_video
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.physics.settle_path import settle_path
@@ -173,6 +175,12 @@ def solved_along(trajectory: Trajectory) -> EquilibriumBatch:
     if trajectory.robot.cabling.has_memory.any():
         return solve_path(trajectory.problems, times=trajectory.times)
     return solve_trajectory(trajectory)
+
+
+def write_both_methods(path: str | Path, trajectories: Sequence[Trajectory], **options: Any) -> Path:
+    """Write a video of motions in MuJoCo with the static solver's outlines, and options as ``write_video`` has."""
+    static = [solved_along(one).poses for one in trajectories]
+    return write_video(path, trajectories, static, shapes=[shapes_of(one) for one in trajectories], **options)
 
 
 def shapes_of(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch cables points 3"] | None:

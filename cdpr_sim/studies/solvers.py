@@ -4,25 +4,29 @@
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
+import functools
+import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+import timeit
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.describe import newtons
-from cdpr_sim.core.equilibrium import NotConverged, Stability
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import (
     POSITION_TOLERANCE,
     ROTATION_TOLERANCE,
     TENSION_TOLERANCE,
+    Agreement,
     Verdict,
     compare,
 )
@@ -80,84 +84,41 @@ def convergence(
         one = robot.replace(axial_stiffness=EA)
         for method in methods:
             for j, position in enumerate(commanded):
-                start = time.perf_counter()
-                try:
-                    found = solvers.solve(one, position, method=method)
-                except NotConverged:
-                    found = None
-                seconds[method][i, j] = time.perf_counter() - start
-                if found is not None:
-                    solved[method][i] += 1
-                    stable[method][i] += found.stability is not Stability.UNSTABLE
-        compiled[i] = np.median([_seconds(newton.solve_many, one, commanded) for _ in range(REPEATS)]) / poses
+                found, balanced, seconds[method][i, j] = timed(one, position, method)
+                solved[method][i] += balanced
+                stable[method][i] += balanced and found is not None and found.stability is not Stability.UNSTABLE
+        repeated = timeit.repeat(functools.partial(newton.solve_many, one, commanded), number=1, repeat=REPEATS)
+        compiled[i] = np.median(repeated) / poses
     return Convergence(robot, stiffness, poses, solved, stable, seconds, compiled)
 
 
-def _seconds(function: Callable[..., object], *arguments: object) -> float:
+def timed(robot: Robot, position: ArrayLike, method: Method) -> tuple[Equilibrium | None, bool, float]:
+    """The best point that a solver found at a level pose, whether forces balance there, and its time [s]."""
     start = time.perf_counter()
-    function(*arguments)
-    return time.perf_counter() - start
-
-
-@dataclass(frozen=True, eq=False)
-class Differences:
-    """Differences between the static solver and MuJoCo, for one robot over all materials.
-
-    Attributes:
-        name: of the robot.
-        position_errors: (poses,) [m].
-        rotation_errors: (poses,) [rad].
-        tension_errors: (poses,) largest of a pose's cables [N].
-        verdicts: one per pose.
-    """
-
-    name: str
-    position_errors: Float[np.ndarray, " poses"]
-    rotation_errors: Float[np.ndarray, " poses"]
-    tension_errors: Float[np.ndarray, " poses"]
-    verdicts: tuple[Verdict, ...]
-
-    @property
-    def neutral(self) -> Bool[np.ndarray, " poses"]:
-        """Neutrally stable poses, where the methods may stop at different equilibria of a continuum."""
-        return np.array([verdict is Verdict.AGREE_EXCEPT_NEUTRAL for verdict in self.verdicts])
-
-    @property
-    def disagreeing(self) -> int:
-        """Number of poses at which the two methods disagree."""
-        return sum(verdict not in (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL) for verdict in self.verdicts)
+    try:
+        found, balanced = solvers.solve(robot, position, method=method), True
+    except NotConverged as error:
+        found, balanced = error.equilibrium, False
+    return found, balanced, time.perf_counter() - start
 
 
 def differences(
     robots: Sequence[str] = PAPER_ROBOTS, materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100
-) -> tuple[Differences, ...]:
-    """Compare both methods from ``poses`` random level poses per robot (default: the paper's) and material.
+) -> dict[str, list[Agreement]]:
+    """Both methods compared at ``poses`` random level poses per robot (default: the paper's) and material, by robot.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
         NotSettled: MuJoCo did not settle at some pose.
     """
     rng = np.random.default_rng(2)
-    results = []
-    for name in robots:
-        agreements = []
-        for material in materials:
-            robot = load_robot(name).replace(material=material)
-            commanded = rng.uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
-            settled = settle_many(robot, commanded)
-            agreements += [
-                compare(solvers.solve(robot, position), one) for position, one in zip(commanded, settled, strict=True)
-            ]
-        results.append(
-            Differences(
-                name=name,
-                position_errors=np.array([one.position_error for one in agreements]),
-                rotation_errors=np.array([one.rotation_error for one in agreements]),
-                tension_errors=np.array([one.tension_error for one in agreements]),
-                verdicts=tuple(one.verdict for one in agreements),
-            )
-        )
-    return tuple(results)
+    agreements = {name: [] for name in robots}
+    for name, material in itertools.product(robots, materials):
+        robot = load_robot(name).replace(material=material)
+        commanded = rng.uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
+        pairs = zip(commanded, settle_many(robot, commanded), strict=True)
+        agreements[name] += [compare(solvers.solve(robot, position), settled) for position, settled in pairs]
+    return agreements
 
 
 # Figures
@@ -226,10 +187,11 @@ def draw_convergence(study: Convergence) -> Figure:
 
 
 @styled
-def draw_agreement(study: Sequence[Differences]) -> Figure:
+def draw_agreement(study: Mapping[str, Sequence[Agreement]]) -> Figure:
     """Cumulative distribution of the differences between statics and simulation."""
-    poses = sum(len(one.verdicts) for one in study)
-    neutral, disagreeing = sum(int(one.neutral.sum()) for one in study), sum(one.disagreeing for one in study)
+    every = [one for agreements in study.values() for one in agreements]
+    poses, disagreeing = len(every), sum(not one.agrees for one in every)
+    neutral = sum(one.verdict is Verdict.AGREE_EXCEPT_NEUTRAL for one in every)
     agreeing = poses - neutral - disagreeing
     count = f"all {poses}" if agreeing == poses else f"{agreeing} of {poses}"
     verdict = f"agree at {count} poses"
@@ -250,28 +212,22 @@ def draw_agreement(study: Sequence[Differences]) -> Figure:
         "line: tolerance of the comparison." + crosses,
     )
     panels = (
-        ("position_errors", 1.0, POSITION_TOLERANCE, "difference in position [m]"),
-        ("rotation_errors", np.degrees(1.0), np.degrees(ROTATION_TOLERANCE), "difference in rotation [°]"),
-        ("tension_errors", 1.0, TENSION_TOLERANCE, "largest difference in a tension [N]"),
+        ("position_error", 1.0, POSITION_TOLERANCE, "difference in position [m]"),
+        ("rotation_error", np.degrees(1.0), np.degrees(ROTATION_TOLERANCE), "difference in rotation [°]"),
+        ("tension_error", 1.0, TENSION_TOLERANCE, "largest difference in a tension [N]"),
     )
     colors = (style.BLUE, style.VERMILLION, style.GREEN, style.ORANGE, style.PURPLE)
     axes = figure.subplots(1, 3, sharey=True)
     for ax, (field, unit, tolerance, label) in zip(axes, panels, strict=True):
-        for i, one in enumerate(study):
-            values = unit * np.sort(getattr(one, field)[~one.neutral])
+        for i, (name, agreements) in enumerate(study.items()):
+            errors = unit * np.array([getattr(one, field) for one in agreements])
+            free = np.array([one.verdict is Verdict.AGREE_EXCEPT_NEUTRAL for one in agreements])
+            values = np.sort(errors[~free])
             share = 100 * np.arange(1, len(values) + 1) / len(values)
-            ax.plot(
-                values,
-                share,
-                color=colors[i % 5],
-                ls=style.DASHES[i % 5],
-                drawstyle="steps-post",
-                label=one.name,
-                gid=one.name,
-            )
-            if one.neutral.any():
-                values = unit * getattr(one, field)[one.neutral]
-                ax.plot(values, np.full(len(values), 103.0), "x", color=colors[i % 5], ms=5, gid=f"{one.name} neutral")
+            looks = {"color": colors[i % 5], "ls": style.DASHES[i % 5], "drawstyle": "steps-post"}
+            ax.plot(values, share, **looks, label=name, gid=name)
+            if free.any():
+                ax.plot(errors[free], np.full(free.sum(), 103.0), "x", color=colors[i % 5], ms=5, gid=f"{name} neutral")
         ax.axvline(tolerance, color=style.INK, lw=style.THIN, ls=(0, (5, 3)))
         ax.set(xscale="log", xlabel=label, ylim=(0, 106))
         ax.set_xlim(left=1e-17)

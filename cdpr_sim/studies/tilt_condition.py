@@ -6,9 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -35,31 +36,55 @@ class MomentBalance:
         robot: the robot.
         position: of the platform (and of its centre of mass), (3,) [m].
         rotation: (3, 3).
-        slack: (cables,).
+        wrench_matrix: (6, cables).
+        tensions: (cables,) [N].
         rest_lengths: (cables,) [m], at the commanded pose.
-        starts: a point on each side's line of force, (2, 3) [m].
-        directions: unit vectors along them, (2, 3).
-        point: the paper's name of the midlines' intersection: "H" for horizontal pairs, "V" for vertical ones.
-        intersection: of the two lines of force, (3,) [m]; ``point`` for equal tensions in each pair.
-        arm: horizontal distance of the centre of mass from there [m], positive to the right.
-        moment: of the weight about the intersection [N m], positive as rotation about y: m g arm.
-        net_moment: of all forces together about y, by the wrench matrix [N m]; equals ``moment``.
         at_rest: whether the tensions are those of the equilibrium, or equal in each pair.
     """
 
     robot: Robot
     position: Float[np.ndarray, "3"]
     rotation: Float[np.ndarray, "3 3"]
-    slack: Bool[np.ndarray, " cables"]
+    wrench_matrix: Float[np.ndarray, "6 cables"]
+    tensions: Float[np.ndarray, " cables"]
     rest_lengths: Float[np.ndarray, " cables"]
-    starts: Float[np.ndarray, "2 3"]
-    directions: Float[np.ndarray, "2 3"]
-    point: str
-    intersection: Float[np.ndarray, "3"]
-    arm: float
-    moment: float
-    net_moment: float
     at_rest: bool
+
+    @cached_property
+    def lines_of_force(self) -> tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "2 3"]]:
+        """A point on each side's line of force [m], and unit vectors along them."""
+        forces = (self.tensions * self.wrench_matrix[:3]).T.reshape(2, -1, 3)
+        anchors = (self.position + self.robot.anchors @ self.rotation.T).reshape(2, -1, 3)
+        starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
+        total = forces.sum(1)
+        return starts, total / np.linalg.norm(total, axis=1, keepdims=True)
+
+    @cached_property
+    def intersection(self) -> Float[np.ndarray, "3"]:
+        """Of the two lines of force, (3,) [m]; ``point`` for equal tensions in each pair."""
+        starts, directions = self.lines_of_force
+        plane = np.stack([directions[0, [0, 2]], -directions[1, [0, 2]]], -1)
+        return starts[0] + np.linalg.solve(plane, (starts[1] - starts[0])[[0, 2]])[0] * directions[0]
+
+    @property
+    def point(self) -> str:
+        """The paper's name of the midlines' intersection: "H" for horizontal pairs, "V" for vertical ones."""
+        return "H" if self.robot.anchors[0, 2] == self.robot.anchors[1, 2] else "V"
+
+    @property
+    def arm(self) -> float:
+        """Horizontal distance of the centre of mass from the intersection [m], positive to the right."""
+        return float(self.position[0] - self.intersection[0])
+
+    @property
+    def moment(self) -> float:
+        """Of the weight about the intersection [N m], positive as rotation about y: m g arm."""
+        return self.robot.weight * self.arm
+
+    @property
+    def net_moment(self) -> float:
+        """Of all forces together about y, by the wrench matrix [N m]; equals ``moment``."""
+        return float((self.wrench_matrix @ self.tensions)[4])
 
 
 def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
@@ -75,7 +100,7 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
         sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
         tensions = np.repeat(sides, robot.cables // 2)
         pulls = pulls if robot.cabling.massless else cut(robot, position, rotation, tensions)[1]
-    return _balance(robot, position, rotation, pulls, tensions, robot.rest_lengths(position), at_rest=False)
+    return MomentBalance(robot, position, rotation, pulls, tensions, robot.rest_lengths(position), at_rest=False)
 
 
 def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
@@ -87,7 +112,7 @@ def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     one = solve(robot, np.asarray(commanded, dtype=float))
     rotation = one.rotation.as_matrix()
     pulls = at(one.problem, one.position, rotation).wrench_matrix
-    return _balance(robot, one.position, rotation, pulls, one.tensions, one.rest_lengths, at_rest=True)
+    return MomentBalance(robot, one.position, rotation, pulls, one.tensions, one.rest_lengths, at_rest=True)
 
 
 def moment_balances() -> tuple[MomentBalance, ...]:
@@ -103,43 +128,6 @@ def moment_balances() -> tuple[MomentBalance, ...]:
         equal_pulls(vertical, middle),
         equal_pulls(vertical, beside),
         balance_at_rest(vertical.replace(material="fishing-0.4mm"), beside),
-    )
-
-
-def _balance(
-    robot: Robot,
-    position: Float[np.ndarray, "3"],
-    rotation: Float[np.ndarray, "3 3"],
-    wrench_matrix: Float[np.ndarray, "6 cables"],
-    tensions: Float[np.ndarray, " cables"],
-    rest_lengths: Float[np.ndarray, " cables"],
-    *,
-    at_rest: bool,
-) -> MomentBalance:
-    forces = (tensions * wrench_matrix[:3]).T.reshape(2, -1, 3)
-    anchors = (position + robot.anchors @ rotation.T).reshape(2, -1, 3)
-    side_forces = forces.sum(1)
-    starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
-    directions = side_forces / np.linalg.norm(side_forces, axis=1, keepdims=True)
-    along = np.linalg.solve(
-        np.stack([directions[0, [0, 2]], -directions[1, [0, 2]]], -1), (starts[1] - starts[0])[[0, 2]]
-    )
-    intersection = starts[0] + along[0] * directions[0]
-    arm = float(position[0] - intersection[0])
-    return MomentBalance(
-        robot=robot,
-        position=position,
-        rotation=rotation,
-        slack=tensions <= 0,
-        rest_lengths=rest_lengths,
-        starts=starts,
-        directions=directions,
-        point="H" if robot.anchors[0, 2] == robot.anchors[1, 2] else "V",
-        intersection=intersection,
-        arm=arm,
-        moment=robot.weight * arm,
-        net_moment=float((wrench_matrix @ tensions)[4]),
-        at_rest=at_rest,
     )
 
 
@@ -189,10 +177,10 @@ def _draw_balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
     robot = balance.robot
     drawing.draw_frame(ax, robot)
     ax.set_ylim(0.08, 0.52)
-    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.slack, balance.rest_lengths)
+    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.tensions <= 0, balance.rest_lengths)
     drawing.draw_platform(ax, robot, balance.position, balance.rotation, alpha=0.9)
     meeting, center = balance.intersection, balance.position
-    for start, direction in zip(balance.starts, balance.directions, strict=True):
+    for start, direction in zip(*balance.lines_of_force, strict=True):
         reach = (robot.exits[:, 2].max() - start[2]) / direction[2]
         below = min(0.0, (meeting - start) @ direction - 0.03)
         ends = start + np.array([[below], [reach]]) * direction

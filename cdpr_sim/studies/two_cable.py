@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
-from jaxtyping import Float
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
@@ -30,80 +29,56 @@ from cdpr_sim.studies.lines import COLUMNS, PAPER_HEIGHTS, Line, all_solved, alo
 STIFFEST, SOFTEST = 1e3, 15.0
 """[N] EA at both ends of the drift."""
 
+SURFACE = (61, 41)
+"""Points of the surface of equilibria along x and z."""
+
 
 @dataclass(frozen=True, eq=False)
 class Manifold:
-    """Equilibria of the two-cable bar, and its drift with decreasing stiffness (Fig. 3).
+    """Drift of the two-cable bar on the surface of its equilibria with decreasing stiffness (Fig. 3).
 
     Attributes:
-        robot: the robot.
-        x: (columns,) [m].
-        z: (heights,) [m].
-        rotation_about_y: the closed form's upright equilibrium, (heights, columns) [rad].
-        commanded: level poses, (commands, 3) [m].
-        axial_stiffness: EA, (drifts,) [N], stiffest first.
-        static: one ``EquilibriumBatch`` per stiffness, a row per command.
+        static: one ``EquilibriumBatch`` per stiffness, stiffest first, a row per commanded level pose.
         settled: by MuJoCo, for some of the stiffnesses.
     """
 
-    robot: Robot
-    x: Float[np.ndarray, " columns"]
-    z: Float[np.ndarray, " heights"]
-    rotation_about_y: Float[np.ndarray, "heights columns"]
-    commanded: Float[np.ndarray, "commands 3"]
-    axial_stiffness: Float[np.ndarray, " drifts"]
     static: tuple[EquilibriumBatch, ...]
     settled: tuple[EquilibriumBatch, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedForms:
-    """The two-cable bar by both methods and by two closed forms, of a bar and of a point (Fig. 4).
+class TwoCableBar:
+    """The two-cable bar by both methods (Fig. 4).
 
     Attributes:
         line: the bar commanded along x.
-        closed_form: equilibrium rotation about y [rad] at the positions of the static method, (rows,).
-        short_bar: by the paper's Eq. 5 and 6, corrected, for a bar of length zero, (rows,) [rad].
         poses: a few poses at a few heights, by the static method.
         settled_poses: the same poses by MuJoCo.
-        balanced: the closed form's rotation [rad] at the commanded positions of ``poses``.
     """
 
     line: Line
-    closed_form: Float[np.ndarray, " rows"]
-    short_bar: Float[np.ndarray, " rows"]
     poses: EquilibriumBatch
     settled_poses: EquilibriumBatch
-    balanced: Float[np.ndarray, " poses"]
 
 
-def manifold(*, drifts: int = 49, settled_every: int = 12, columns: int = 61, heights: int = 41) -> Manifold:
-    """The two-cable robot's manifold over its workspace, and its drift with decreasing EA [N].
+def manifold(*, drifts: int = 49, settled_every: int = 12) -> Manifold:
+    """The two-cable robot's drift with decreasing EA [N].
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
         NotSettled: MuJoCo did not settle at some pose.
     """
-    robot = load_robot("two-cable")
-    (left, _, bottom), (right, _, top) = robot.workspace
-    x, z = np.linspace(left, right, columns), np.linspace(bottom, top, heights)
     commanded = np.array([[0.18, 0, 0.3], [0.4, 0, 0.3], [0.58, 0, 0.15]])
     stiffness = 1 / np.linspace(1 / STIFFEST, 1 / SOFTEST, drifts)  # even steps of drift
-    robots = [robot.replace(axial_stiffness=EA) for EA in stiffness]
+    robots = [load_robot("two-cable").replace(axial_stiffness=EA) for EA in stiffness]
     return Manifold(
-        robot=robot,
-        x=x,
-        z=z,
-        rotation_about_y=np.array([[_upright(robot, [a, 0.0, b]) for a in x] for b in z]),
-        commanded=commanded,
-        axial_stiffness=stiffness,
         static=tuple(all_solved(solve_many(one, commanded)) for one in robots),
         settled=tuple(all_solved(settle_many(one, commanded)) for one in robots[::settled_every]),
     )
 
 
-def closed_forms(*, static_rows: int = 201, settled_rows: int = 25) -> ClosedForms:
-    """The two-cable bar commanded across its workspace, compared with its closed forms.
+def two_cable_bar(*, static_rows: int = 201, settled_rows: int = 25) -> TwoCableBar:
+    """The two-cable bar commanded across its workspace.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
@@ -111,21 +86,15 @@ def closed_forms(*, static_rows: int = 201, settled_rows: int = 25) -> ClosedFor
     """
     robot = load_robot("two-cable")
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
-    along = line(robot, PAPER_HEIGHTS[0], ends, static_rows=static_rows, settled_rows=settled_rows)
     poses = np.concatenate([along_x(robot, z, ends, COLUMNS) for z in (0.1, 0.22, 0.34)])
-    return ClosedForms(
-        line=along,
-        closed_form=np.array([_upright(robot, position) for position in along.static.positions]),
-        short_bar=np.array(
-            [two_cable_closed_form.short_bar_rotation(robot, position) for position in along.static.positions]
-        ),
+    return TwoCableBar(
+        line=line(robot, PAPER_HEIGHTS[0], ends, static_rows=static_rows, settled_rows=settled_rows),
         poses=all_solved(solve_many(robot, poses)),
         settled_poses=all_solved(settle_many(robot, poses)),
-        balanced=np.array([_upright(robot, position) for position in poses]),
     )
 
 
-def _upright(robot: Robot, position: ArrayLike) -> float:
+def upright(robot: Robot, position: ArrayLike) -> float:
     """The closed form's equilibrium with the smallest rotation [rad]."""
     rotations = two_cable_closed_form.equilibrium_rotations(robot, position)
     return float(rotations[np.argmin(np.abs(rotations))])
@@ -137,19 +106,24 @@ def _upright(robot: Robot, position: ArrayLike) -> float:
 @styled
 def draw_manifold(study: Manifold) -> Figure:
     """Fig. 3: the surface of all equilibria of the two-cable bar, and its drift with decreasing stiffness."""
-    softest, stiffest = study.axial_stiffness.min(), study.axial_stiffness.max()
+    robot, commanded = study.static[0].robot, study.static[0].problems.positions
+    stiffness = np.array([equilibria.robot.axial_stiffness[0] for equilibria in study.static])
+    softest, stiffest = stiffness.min(), stiffness.max()
     figure = canvas(
         11,
         5.2,
         "The equilibria of a bar on two cables form a surface of poses; with softer cables it drifts along the surface",
-        f"{study.robot.name}, {study.robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
+        f"{robot.name}, {robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
         f"EA from {newtons(stiffest)} down to {newtons(softest)}. Hollow points: MuJoCo, settled. Black dots: "
         "commanded level poses, which are on the surface only midway between the exits. (Paper, Fig. 3)",
     )
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1), wspace=0.08)
     space: Axes3D = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)  # type: ignore[assignment]
-    x, z = np.meshgrid(study.x, study.z)
-    beta = np.degrees(study.rotation_about_y)
+    (left, _, bottom), (right, _, top) = robot.workspace
+    x, z = np.meshgrid(np.linspace(left, right, SURFACE[0]), np.linspace(bottom, top, SURFACE[1]))
+    beta = np.degrees(
+        [[upright(robot, [a, 0.0, b]) for a, b in zip(*row, strict=True)] for row in zip(x, z, strict=True)]
+    )
     space.plot_surface(x, z, beta, color=style.SKY, alpha=0.3, lw=0, antialiased=True, zorder=1)
     space.plot_wireframe(x, z, beta, color=style.MUTED, lw=0.4, rstride=8, cstride=6, alpha=0.7, zorder=2)
     space.contour(x, z, beta, levels=[0], colors=style.MUTED, linewidths=1.2)
@@ -169,7 +143,7 @@ def draw_manifold(study: Manifold) -> Figure:
     colors = matplotlib.colormaps[style.STIFFNESS_MAP]
     drift = np.array([equilibria.positions for equilibria in study.static])
     turn = np.degrees([equilibria.euler[:, 1] for equilibria in study.static])
-    for command, (start_x, _, start_z) in enumerate(study.commanded):
+    for command, (start_x, _, start_z) in enumerate(commanded):
         here, angle = drift[:, command], turn[:, command]
         space.plot(
             [start_x, here[0, 0]], [start_z, here[0, 2]], [0, angle[0]], color=style.INK, lw=0.9, ls=":", zorder=6
@@ -178,7 +152,7 @@ def draw_manifold(study: Manifold) -> Figure:
         space.plot(here[:, 0], here[:, 2], angle, color=style.INK, lw=4.6, zorder=6.5, solid_capstyle="round")
         front.plot(here[:, 0], here[:, 2], color=style.INK, lw=4.6, zorder=3.5, gid=f"static {command}")
         for i in range(len(here) - 1):
-            color = colors(norm(-1 / study.axial_stiffness[i]))
+            color = colors(norm(-1 / stiffness[i]))
             piece = here[i : i + 2]
             space.plot(piece[:, 0], piece[:, 2], angle[i : i + 2], color=color, lw=3.2, zorder=7)
             front.plot(piece[:, 0], piece[:, 2], color=color, lw=3.2, zorder=4)
@@ -186,8 +160,8 @@ def draw_manifold(study: Manifold) -> Figure:
         degrees = np.degrees(equilibria.euler[:, 1])
         space.plot(*equilibria.positions[:, [0, 2]].T, degrees, **points(style.INK, ms=4.5) | {"zorder": 9})
         front.plot(*equilibria.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
-    space.plot(*study.commanded[:, [0, 2]].T, 0.0, "o", color=style.INK, ms=5, zorder=10)
-    front.plot(*study.commanded[:, [0, 2]].T, "o", color=style.INK, ms=5, zorder=7)
+    space.plot(*commanded[:, [0, 2]].T, 0.0, "o", color=style.INK, ms=5, zorder=10)
+    front.plot(*commanded[:, [0, 2]].T, "o", color=style.INK, ms=5, zorder=7)
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colors), ax=front, shrink=0.85, pad=0.02)
     marks = [EA for EA in (15, 20, 30, 50, 100, 1000) if softest <= EA <= stiffest]
     bar.set_ticks([-1 / EA for EA in marks], labels=[f"{EA:g}" for EA in marks])
@@ -203,9 +177,9 @@ def draw_manifold(study: Manifold) -> Figure:
 
 
 @styled
-def draw_poses(forms: ClosedForms) -> Figure:
+def draw_poses(study: TwoCableBar) -> Figure:
     """Fig. 4: commanded poses of the two-cable bar, its equilibrium tilt at these positions, and its equilibria."""
-    robot, equilibria, settled = forms.poses.robot, forms.poses, forms.settled_poses
+    robot, equilibria, settled = study.poses.robot, study.poses, study.settled_poses
     deviation = 1e3 * np.abs(equilibria.deviation[:, 0]).max()
     figure = canvas(
         8.6,
@@ -225,7 +199,7 @@ def draw_poses(forms: ClosedForms) -> Figure:
 
     for row, (commanded, position) in enumerate(zip(equilibria.problems.positions, equilibria.positions, strict=True)):
         bar(commanded, 0.0, color=style.MUTED, lw=2, ls=(0, (1.5, 1)), zorder=3)
-        bar(commanded, forms.balanced[row], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), zorder=3.5)
+        bar(commanded, upright(robot, commanded), color=style.GREEN, lw=2, ls=(0, (5, 1.5)), zorder=3.5)
         bar(position, turns[row], color=style.BLUE, lw=3.4, zorder=4)
         drawing.draw_cables(ax, robot, position, equilibria.rotations[row], equilibria.slack[row], color=style.FAINT)
     ax.plot(*settled.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
@@ -243,16 +217,17 @@ def draw_poses(forms: ClosedForms) -> Figure:
 
 
 @styled
-def draw_closed_form(forms: ClosedForms) -> Figure:
+def draw_closed_form(study: TwoCableBar) -> Figure:
     """Fig. 4, Eq. 5 and 6: tilt of the two-cable bar by four methods, and the error of the short-bar formula."""
-    static, settled, robot = forms.line.static, forms.line.settled, forms.line.robot
+    static, settled, robot = study.line.static, study.line.settled, study.line.robot
     x, beta = static.positions[:, 0], np.degrees(static.euler[:, 1])
-    closed, short = np.degrees(forms.closed_form), np.degrees(forms.short_bar)
+    closed = np.degrees([upright(robot, position) for position in static.positions])
+    short = np.degrees([two_cable_closed_form.short_bar_rotation(robot, position) for position in static.positions])
     figure = canvas(
         8.6,
         5.6,
         f"Without the bar's length, the closed form has an error of up to {np.abs(short - beta).max():.1f}° of tilt",
-        f"{robot.name}, {describe_cables(robot)}, commanded level along z = {forms.line.height:g} m; at the {len(x)} "
+        f"{robot.name}, {describe_cables(robot)}, commanded level along z = {study.line.height:g} m; at the {len(x)} "
         "equilibria of the static solver. Short bar: the paper's Eq. 5 and 6 contain terms of the wrong dimension; "
         "corrected, they are tan θ = (h₁X₂ + h₂X₁)/(2X₁X₂), for a bar of length zero.",
     )

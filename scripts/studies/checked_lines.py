@@ -1,55 +1,21 @@
-"""One robot along the paper's lines, settled in MuJoCo and compared with statics pose by pose: results and table."""
+"""Lines settled in MuJoCo and compared with statics pose by pose: agreements and table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from rich.table import Table
 
 from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.crosscheck.compare import Agreement, compare
-from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.table_style import new_table
-from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, all_solved, along_x
+from cdpr_sim.studies.lines import Line
 
 
-@dataclass(frozen=True, eq=False)
-class CheckedLine:
-    """One robot commanded along x at one height, settled in MuJoCo and compared with statics row by row."""
-
-    settled: EquilibriumBatch
-    agreements: tuple[Agreement, ...]
-
-
-def checked_lines(
-    layout: str,
-    materials: Sequence[str] = PAPER_MATERIALS,
-    heights: Sequence[float] = PAPER_HEIGHTS,
-    *,
-    ends: tuple[float, float] = PAPER_LINE,
-    rows: int = 9,
-) -> dict[tuple[str, float], CheckedLine]:
-    """Both methods along the paper's line, compared pose by pose, for each material and height z [m].
-
-    Raises:
-        NotConverged: the static solver found no equilibrium at some pose.
-        NotSettled: MuJoCo did not settle at some pose.
-    """
-    lines = {}
-    for material in materials:
-        robot = load_robot(layout).replace(material=material)
-        for height in heights:
-            settled = all_solved(settle_many(robot, along_x(robot, height, ends, rows)))
-            solved = solve_many(settled.problems)
-            agreements = tuple(compare(a, b) for a, b in zip(solved, settled, strict=True))
-            lines[material, height] = CheckedLine(settled, agreements)
-    return lines
+def agreements(line: Line) -> list[Agreement]:
+    """Both methods compared pose by pose, at the same poses."""
+    return [compare(static, settled) for static, settled in zip(line.static, line.settled, strict=True)]
 
 
 def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:

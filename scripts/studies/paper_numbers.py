@@ -1,8 +1,7 @@
-"""The paper's numbers and ours: performance of SEECR (section III F), deviation in z along its line (section IV)."""
+"""The paper's numbers and ours: performance of SEECR (section III F)."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -10,15 +9,12 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.materials import PAPER_MATERIALS
-from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.settle import settle
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.newton import solve_many
 from cdpr_sim.statics.solve import Method
 from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, along_x
+from cdpr_sim.studies.solvers import timed
 
 PAPER_ITERATIONS, PAPER_SECONDS = (14, 286), (2e-3, 61e-3)
 """Smallest and largest values of SEECR, on an i7-10850H; "less iterations were needed at the center"."""
@@ -76,63 +72,8 @@ def performance(
         ]
         solve_many(robots[0], [position for _, position in problems])  # compiles before the timing
         for method in methods:
-            runs = [_timed(robot, position, method) for robot, position in problems]
-            iterations, seconds, solved = (np.array(column) for column in zip(*runs, strict=True))
+            found, solved, seconds = zip(*(timed(robot, position, method) for robot, position in problems), strict=True)
             x = np.array([position[0] for _, position in problems])
-            results.append(Performance(layout, method, x, iterations, seconds, solved))
+            iterations = np.array([0 if one is None else one.iterations for one in found])
+            results.append(Performance(layout, method, x, iterations, np.array(seconds), np.array(solved)))
     return tuple(results)
-
-
-def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, float, bool]:
-    start = time.perf_counter()
-    try:
-        found, solved = solvers.solve(robot, position, method=method), True
-    except NotConverged as error:
-        found, solved = error.equilibrium, False
-    return (found.iterations if found is not None else 0), time.perf_counter() - start, solved
-
-
-@dataclass(frozen=True, eq=False)
-class LineDeviation:
-    """Deviation of a layout in -z along the paper's line, by both methods.
-
-    Attributes:
-        robot: the layout with its cables.
-        height: commanded z [m].
-        x: commanded, (poses,) [m].
-        static: by the static solver, one per pose.
-        settled: by MuJoCo, one per pose.
-    """
-
-    robot: Robot
-    height: float
-    x: Float[np.ndarray, " poses"]
-    static: tuple[Equilibrium, ...]
-    settled: tuple[Equilibrium, ...]
-
-    @property
-    def by_statics(self) -> Float[np.ndarray, " poses"]:
-        """Deviation in -z by statics [m]."""
-        return np.array([-one.deviation[2] for one in self.static])
-
-    @property
-    def by_mujoco(self) -> Float[np.ndarray, " poses"]:
-        """Deviation in -z by MuJoCo [m]."""
-        return np.array([-one.deviation[2] for one in self.settled])
-
-
-def line_deviation(robot: Robot, height: float, *, rows: int = 2) -> LineDeviation:
-    """Deviation at ``rows`` poses of the paper's line, including its two ends.
-
-    Raises:
-        NotConverged: the static solver found no equilibrium at some pose.
-        NotSettled: MuJoCo did not settle at some pose.
-    """
-    poses = along_x(robot, height, PAPER_LINE, rows)
-    return LineDeviation(
-        robot,
-        height,
-        poses[:, 0],
-        tuple(solvers.solve(robot, pose) for pose in poses),
-        tuple(settle(robot, pose) for pose in poses),
-    )

@@ -1,4 +1,4 @@
-"""Repeatability: how far apart a platform rests at one commanded pose, reached from the left and from the right.
+"""Repeatability: distance between equilibria at one commanded pose, reached from the left and from the right.
 
     python scripts/studies/repeatability.py repeatability.png
 
@@ -32,7 +32,7 @@ HYSTERESIS = (0.1, 0.2)
 """w of an element of 20 % of EA that yields in proportion: loops of 5 and 10 % of the tension."""
 
 
-def apart(robot: cdpr.Robot, **memory) -> float:
+def path_difference(robot: cdpr.Robot, **memory) -> float:
     """Largest distance [mm] between the equilibria at one command on the way there and on the way back."""
     (low, _, _), (high, _, _) = robot.workspace
     there = np.repeat(robot.home[None], STOPS, axis=0)
@@ -55,8 +55,8 @@ def measured() -> dict[str, tuple[float, list[float], list[float]]]:
     found = {}
     for name, behind in BEHIND.items():
         robot = cdpr.load_robot(name).replace(winch_to_exit=behind, linear_density=0.0)
-        friction = [apart(robot, pulley_friction=c) for c in FRICTION]
-        hysteresis = [apart(robot, hysteresis=[(0.2, np.inf, w)]) for w in HYSTERESIS]
+        friction = [path_difference(robot, pulley_friction=c) for c in FRICTION]
+        hysteresis = [path_difference(robot, hysteresis=[(0.2, np.inf, w)]) for w in HYSTERESIS]
         found[name] = deviation(robot), friction, hysteresis
         print(f"{name:18} {found[name][0]:8.3f}" + "".join(f"{one:9.4f}" for one in friction + hysteresis), flush=True)
     return found

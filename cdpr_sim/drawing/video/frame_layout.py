@@ -171,20 +171,25 @@ class Page:
         """Tilt, deviation in x, y and in -z, and the number of slack cables."""
         horizontal, down = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
         rows = [("tilt", np.degrees(tilt), " °"), ("dev. xy", horizontal, " mm"), ("dev. -z", down, " mm")]
-        step = box.height / 4
+        texts = [
+            (
+                name,
+                f"{value:.{1 if abs(value) >= 9.95 else 2}f}".replace("-", "−"),
+                unit,
+                style.PAGE_FAINT,
+                style.PAGE_INK,
+            )
+            for name, value, unit in rows
+        ]
+        color = style.SLACK_COLOR if slack.any() else style.PAGE_FAINT
+        texts.append(("slack", str(int(slack.sum())), f" of {len(slack)}", color, color))
         label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
         unit_left = box.right - max(label.getlength(text) for text in (" mm", f" of {len(slack)}"))
-        for row, (name, value, unit) in enumerate(rows):
-            base = box.top + (row + 0.72) * step
-            draw.text((box.left, base), name, _rgb(style.PAGE_FAINT), label, anchor="ls")
-            number = f"{value:.{1 if abs(value) >= 9.95 else 2}f}".replace("-", "−")
-            draw.text((unit_left, base), number, _rgb(style.PAGE_INK), figure, anchor="rs")
-            draw.text((unit_left, base), unit, _rgb(style.PAGE_FAINT), label, anchor="ls")
-        count, base = int(slack.sum()), box.top + 3.72 * step
-        color = _rgb(style.SLACK_COLOR if count else style.PAGE_FAINT)
-        draw.text((box.left, base), "slack", color, label, anchor="ls")
-        draw.text((unit_left, base), str(count), color, figure, anchor="rs")
-        draw.text((unit_left, base), f" of {len(slack)}", color, label, anchor="ls")
+        for row, (name, number, unit, faint, ink) in enumerate(texts):
+            base = box.top + (row + 0.72) * box.height / 4
+            draw.text((box.left, base), name, _rgb(faint), label, anchor="ls")
+            draw.text((unit_left, base), number, _rgb(ink), figure, anchor="rs")
+            draw.text((unit_left, base), unit, _rgb(faint), label, anchor="ls")
 
     def _chart(self, box: Box) -> Box:
         """Area of the bars: above their numbers and below the title."""

@@ -82,16 +82,12 @@ class RayCaster:
         self._sky = np.array([model.vis.rgba.haze[:3], _top_of_sky(model)], dtype=float)
         self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
-        """The scene, from its own camera.
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """Start to draw the present scene, from its own camera, in a thread; the returned function waits for it.
 
         One ray per pixel identifies the visible shape; pixels at edges are supersampled. Shapes of other types (meshes,
         arrows, text) are left out.
         """
-        return self.start(scene, width, height)()
-
-    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """Start to ``draw`` the present scene in a thread; the returned function waits for the picture."""
         scale = style.SUPERSAMPLING
         cameras = np.array([_camera(scene, width, height), _camera(scene, scale * width, scale * height)])
         shot = _Shot(*_geoms(scene), cameras, _lights(scene))
@@ -152,12 +148,11 @@ def _geoms(scene: mujoco.MjvScene) -> tuple[np.ndarray, np.ndarray]:
         [np.array([getattr(geom, name) for geom in known], float).reshape(-1, width) for name, width in parts.items()]
     )
     kinds = np.array([geom.type for geom in known], np.int32)
-    clear = floats[:, 18] < 1
-    order = np.lexsort((-(floats[:, :3] - position) @ forward, clear))
-    first_opaque = np.where(clear[order], order, np.arange(len(order)))  # opaque ones keep MuJoCo's order
-    opaque = np.flatnonzero(~clear)
-    first_opaque[: len(opaque)] = opaque
-    return kinds[first_opaque], floats[first_opaque]
+    clear = np.flatnonzero(floats[:, 18] < 1)
+    opaque = np.flatnonzero(floats[:, 18] >= 1)  # in MuJoCo's order
+    nearness = -(floats[clear, :3] - position) @ forward
+    order = np.concatenate([opaque, clear[np.argsort(nearness, kind="stable")]])
+    return kinds[order], floats[order]
 
 
 def _lights(scene: mujoco.MjvScene) -> Float[np.ndarray, "lights 13"]:
@@ -350,23 +345,19 @@ def _draw(known, kinds, floats, cameras, lights, floor, sky, scale, what, pixels
     touched = np.empty((rows, columns), np.bool_)
     _touch(known, coarse, touched)
     most = scale * columns
-    wanted, color, number = np.empty(most, np.int32), np.empty((most, 3), np.uint8), np.empty(most, np.int32)
+    wanted, color, number = np.empty(most, np.int64), np.empty((most, 3), np.uint8), np.empty(most, np.int32)
     total = np.empty((columns, 3), np.int32)
     for row in range(rows):
-        count = 0
-        for column in range(columns):
-            if touched[row, column]:
-                wanted[count] = column
-                count += 1
-        _cast(row, wanted[:count], kinds, floats, coarse, cameras[0], lights, floor, sky, color, number)
-        for k in range(count):
-            what[row, wanted[k]] = number[k]
+        hit = np.flatnonzero(touched[row])
+        _cast(row, hit, kinds, floats, coarse, cameras[0], lights, floor, sky, color, number)
+        for k, column in enumerate(hit):
+            what[row, column] = number[k]
             for c in range(3):
-                pixels[row, wanted[k], c] = color[k, c]
+                pixels[row, column, c] = color[k, c]
     for row in range(rows):
         count = 0
-        for column in range(columns):
-            if touched[row, column] and _is_edge(what, row, column):
+        for column in np.flatnonzero(touched[row]):
+            if _is_edge(what, row, column):
                 for b in range(scale):
                     wanted[count + b] = scale * column + b
                 count += scale
@@ -418,19 +409,6 @@ def _is_edge(what, row, column):
 
 
 @part
-def _place(wanted, column):
-    """Number of wanted columns to the left of this one."""
-    low, high = 0, len(wanted)
-    while low < high:
-        middle = (low + high) // 2
-        if wanted[middle] < column:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@part
 def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels, what):
     """Cast a ray through each of a row's ``wanted`` columns (ascending): its colour, and the id of what it hits."""
     count = len(wanted)
@@ -449,7 +427,7 @@ def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels
     for g in range(len(kinds)):
         if ranges[row, g, 0] > ranges[row, g, 1]:
             continue
-        first, last = _place(wanted, ranges[row, g, 0]), _place(wanted, ranges[row, g, 1] + 1)
+        first, last = np.searchsorted(wanted, ranges[row, g, 0]), np.searchsorted(wanted, ranges[row, g, 1] + 1)
         if first == last:
             continue
         # The ray in the shape's own frame: from o along d0 + u du.

@@ -8,7 +8,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -25,40 +25,6 @@ INSTALL = "for instance Debian's libegl1 libopengl0 libgl1-mesa-dri, or libosmes
 
 class OpenGLUnavailable(CdprError):
     """No OpenGL could be loaded on this machine."""
-
-
-@runtime_checkable
-class Renderer(Protocol):
-    """Draws scenes of one model."""
-
-    name: str
-
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
-        """The scene, from its own camera."""
-        ...
-
-    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """Start to ``draw`` the present scene, in parallel if possible; the returned function gives the picture."""
-        ...
-
-    def close(self) -> None:
-        """Release the renderer's resources."""
-        ...
-
-
-def open_renderer(model: mujoco.MjModel, width: int, height: int, backend: Backend = "auto") -> Renderer:
-    """A renderer of pictures up to ``width`` x ``height``: OpenGL if available, else the ray caster.
-
-    Raises:
-        OpenGLUnavailable: ``backend`` is "opengl" and there is none.
-    """
-    if backend != "raycast":
-        try:
-            return OpenGL(model, width, height)
-        except OpenGLUnavailable:
-            if backend == "opengl":
-                raise
-    return RayCaster(model)
 
 
 class OpenGL:
@@ -79,19 +45,15 @@ class OpenGL:
             self._window.free()
             raise OpenGLUnavailable(f"OpenGL: MuJoCo cannot draw with {self.name}: {error}") from None
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
-        """The scene, from its own camera."""
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """Draw the scene, from its own camera, at once: a context belongs to one thread."""
         scale = style.SUPERSAMPLING
         self._window.make_current()
         rectangle = mujoco.MjrRect(0, 0, scale * width, scale * height)
         pixels = np.empty((scale * height, scale * width, 3), np.uint8)
         mujoco.mjr_render(rectangle, scene, self._context)
         mujoco.mjr_readPixels(pixels, None, rectangle, self._context)
-        return averaged(pixels, scale)[::-1]
-
-    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """``draw`` the scene at once: a context belongs to one thread."""
-        picture = self.draw(scene, width, height)
+        picture = averaged(pixels, scale)[::-1]
         return lambda: picture
 
     def close(self) -> None:
@@ -99,6 +61,24 @@ class OpenGL:
         self._window.make_current()
         self._context.free()
         self._window.free()
+
+
+Renderer = OpenGL | RayCaster
+
+
+def open_renderer(model: mujoco.MjModel, width: int, height: int, backend: Backend = "auto") -> Renderer:
+    """A renderer of pictures up to ``width`` x ``height``: OpenGL if available, else the ray caster.
+
+    Raises:
+        OpenGLUnavailable: ``backend`` is "opengl" and there is none.
+    """
+    if backend != "raycast":
+        try:
+            return OpenGL(model, width, height)
+        except OpenGLUnavailable:
+            if backend == "opengl":
+                raise
+    return RayCaster(model)
 
 
 def _open_context(width: int, height: int):

@@ -7,7 +7,7 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, get_args
 
@@ -96,7 +96,9 @@ def write_video(
     pictures = VideoFrames(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
     with pictures, appearing(path) as (temporary,):
         try:
-            with _Encoder(_writer(temporary, pictures)) as video:
+            with _interrupts_held():
+                video = _writer(temporary, pictures).__enter__()
+            with closing(video):
                 for frame in pictures.frames():
                     video.add_image(frame)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
@@ -260,11 +262,10 @@ def _ahead(begun: Iterable[Callable[[], Picture]]) -> Iterator[Callable[[], Pict
 
 
 def _state_at(trajectory: Trajectory, fraction: float) -> int:
-    """The state nearest to ``fraction`` of the duration."""
+    """The state nearest to ``fraction`` of the duration, the later one of two."""
     times = trajectory.times
-    instant = times[0] + fraction * (times[-1] - times[0])
-    after = int(np.searchsorted(times, instant).clip(1, len(times) - 1))
-    return after if times[after] - instant <= instant - times[after - 1] else after - 1
+    away = np.abs(times - (times[0] + fraction * (times[-1] - times[0])))
+    return len(times) - 1 - int(away[::-1].argmin())
 
 
 def check_count(robots: int) -> None:
@@ -346,20 +347,6 @@ def _writer(path: Path, pictures: VideoFrames):
         return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, codec="gif", ffmpeg_args=["-vf", palette])
     options = ["-preset", "veryfast", "-threads", str(ENCODERS), "-movflags", "+faststart"]
     return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, crf=QUALITY, ffmpeg_args=options)
-
-
-class _Encoder:
-    """mediapy's writer, with ffmpeg started in a way that interrupts do not reach it."""
-
-    def __init__(self, writer) -> None:
-        self.writer = writer
-
-    def __enter__(self):
-        with _interrupts_held():
-            return self.writer.__enter__()
-
-    def __exit__(self, *error: object) -> None:
-        self.writer.__exit__(*error)
 
 
 @contextmanager
