@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from cdpr_sim.analysis.workspace.sweep import as_stored, rotation_vectors
-from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.sweep_quantities import Quantity
-from cdpr_sim.crosscheck.check import MEANINGS, OUTCOMES, ROWS, both, compared
+from cdpr_sim.crosscheck.check import MEANINGS, OUTCOMES, ROWS, both, outcomes_of
+from cdpr_sim.crosscheck.compare import compare_many
 
 QUANTITIES = {
     "settled_position": Quantity(("axis",), float, "m", "position of the platform's origin in MuJoCo"),
@@ -59,5 +59,5 @@ def _of_rows(problems: Problems) -> dict[str, np.ndarray]:
         "settled_status": settled.status,
     }
     columns = {name: as_stored(QUANTITIES[name], values, found) for name, values in read.items()}
-    values, _ = compared(solved, settled, cables_name(problems.robot), threads=1)
-    return columns | values
+    comparison = compare_many(solved, settled, threads=1)
+    return columns | comparison.errors | {"outcome": outcomes_of(comparison)}
