@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, listed, one_of, refuse_far, whole
+from cdpr_sim.core.checks import checked_array, frozen, listed, one_of, refuse_far, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.core.robot_batch import VARIED, RobotBatch
 from cdpr_sim.design.symmetry import Symmetry, group
 
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
 FACTORS = ("axial_stiffness", "diameter")
+LOGARITHMIC = ("axial_stiffness", "linear_density")
 MOVABLE = POINTS + FACTORS
 """What may move: points; or, for each cable, the axial stiffness, or the diameter, with whose square both stiffness
 and mass grow. "pulleys" are the exits of the cables that run over a pulley."""
+
+_Row = tuple[str, float, float, dict[str, np.ndarray]]
+"""A variable: its name, its bounds, and the derivatives of the parameters that it changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,20 +96,15 @@ class Space:
         robot: the given robot.
         names: of the variables.
         lower, upper: their bounds, (variables,).
-        exits, anchors: derivatives by the variables, (variables, cables, 3).
-        center: derivatives of the centre of mass, (variables, 3).
-        log_stiffness, log_density: derivatives of the logarithms, (variables, cables).
+        by: derivatives of the parameters by the variables, by the names of ``VARIED``, (variables, ...); those of
+            ``LOGARITHMIC`` of the logarithms.
     """
 
     robot: Robot
     names: tuple[str, ...]
     lower: Float[np.ndarray, " variables"]
     upper: Float[np.ndarray, " variables"]
-    exits: Float[np.ndarray, "variables cables 3"]
-    anchors: Float[np.ndarray, "variables cables 3"]
-    center: Float[np.ndarray, "variables 3"]
-    log_stiffness: Float[np.ndarray, "variables cables"]
-    log_density: Float[np.ndarray, "variables cables"]
+    by: Mapping[str, np.ndarray]
 
     @classmethod
     def of(cls, robot: Robot, moves: Sequence[Move], symmetry: str | Sequence[str] = "detected") -> Space:
@@ -116,7 +115,7 @@ class Space:
             InvalidInput: a symmetry that the robot does not have, contradictory bounds, or nothing that can move.
         """
         symmetries = group(robot, symmetry)
-        rows: list[tuple] = []
+        rows: list[_Row] = []
         taken: set[tuple[str, int]] = set()
         for move in moves:
             what = "exits" if move.what == "pulleys" else move.what
@@ -136,30 +135,21 @@ class Space:
             raise InvalidInput(
                 "within: found no point that can move, expected some that the bounds and the symmetry allow to move"
             )
-        columns = list(zip(*rows, strict=True))
-        return cls(robot, columns[0], *(np.array(column, dtype=float) for column in columns[1:]))
+        names, lower, upper, each = zip(*rows, strict=True)
+        none = {name: np.zeros_like(getattr(robot, name)) for name in VARIED}
+        by = {name: frozen(np.array([(none | one)[name] for one in each])) for name in VARIED}
+        return cls(robot, names, np.array(lower), np.array(upper), by)
 
     def __len__(self) -> int:
         return len(self.names)
 
     def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> RobotBatch:
         """The robots with these values."""
-        robot = self.robot
-
-        def moved(start: np.ndarray, by: np.ndarray) -> np.ndarray:
-            return start + np.tensordot(values, by, 1)
-
-        def scaled(start: np.ndarray, by: np.ndarray) -> np.ndarray:
-            return start * np.exp(values @ by)
-
-        return RobotBatch(
-            robot,
-            moved(robot.exits, self.exits),
-            moved(robot.anchors, self.anchors),
-            scaled(robot.axial_stiffness, self.log_stiffness),
-            scaled(robot.cabling.linear_density, self.log_density),
-            moved(robot.center_of_mass, self.center),
-        )
+        changed = {}
+        for name, by in self.by.items():
+            start, step = getattr(self.robot, name), np.tensordot(values, by, 1)
+            changed[name] = start * np.exp(step) if name in LOGARITHMIC else start + step
+        return RobotBatch(self.robot, **changed)
 
     @property
     def given(self) -> Float[np.ndarray, " variables"]:
@@ -191,19 +181,9 @@ def _cables(robot: Robot, move: Move) -> list[int]:
     return sorted(cables)
 
 
-def _row(robot: Robot, name: str, bounds: tuple[float, float], **by: np.ndarray) -> tuple:
-    """One variable: a row of the columns of ``Space``."""
-    m = robot.cables
-    empty = {
-        "exits": np.zeros((m, 3)), "anchors": np.zeros((m, 3)), "center_of_mass": np.zeros(3),
-        "axial_stiffness": np.zeros(m), "linear_density": np.zeros(m),
-    }  # fmt: skip
-    return (name, *bounds, *(empty | by).values())
-
-
 def _factors(
     robot: Robot, move: Move, cables: list[int], symmetries: list[Symmetry], taken: set[tuple[str, int]]
-) -> list[tuple]:
+) -> list[_Row]:
     within = np.asarray(move.within, dtype=float)
     least, most = (1 / within, within) if within.shape == () else within
     rows = []
@@ -218,7 +198,7 @@ def _factors(
         by = {"axial_stiffness": one}
         if move.what == "diameter":
             by = {"axial_stiffness": 2 * one, "linear_density": 2 * one}
-        rows.append(_row(robot, name, (float(np.log(least)), float(np.log(most))), **by))
+        rows.append((name, float(np.log(least)), float(np.log(most)), by))
     return rows
 
 
@@ -229,7 +209,7 @@ def _places(
     cables: list[int],
     symmetries: list[Symmetry],
     taken: set[tuple[str, int]],
-) -> list[tuple]:
+) -> list[_Row]:
     points = robot.center_of_mass[None] if what == "center_of_mass" else getattr(robot, what)
     images = [(one.signs, np.zeros(1, int) if what == "center_of_mass" else one.images) for one in symmetries]
     within = np.asarray(move.within, dtype=float)
@@ -255,8 +235,7 @@ def _places(
             label = "" if axis is None else f"{'xyz'[axis]} of "
             name = f"{label}centre of mass" if what == "center_of_mass" else f"{label}{what} {_listed(orbit, '')}"
             bounds = _bounds(within, axis, points[boxed], by[boxed], name)
-            part = by[0] if what == "center_of_mass" else by
-            rows.append(_row(robot, name, bounds, **{what: part}))
+            rows.append((name, *bounds, {what: by[0] if what == "center_of_mass" else by}))
     return rows
 
 
