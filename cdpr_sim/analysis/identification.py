@@ -211,14 +211,14 @@ class Identification(HtmlRepr):
         return np.where(measurements.known, model.residuals(x), np.nan)
 
     def __repr__(self) -> str:
-        told = [
+        described = [
             f"{name} = {value:.6g} ± {error:.2g} {unit}"
             for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
         ]
-        more = f"; and {len(told) - SAID} more" if len(told) > SAID else ""
+        more = f"; and {len(described) - SAID} more" if len(described) > SAID else ""
         warned = f"; {self.reasons[0]}" if self.reasons else ""
         warned += f" (and {len(self.reasons) - 1} more warnings)" if len(self.reasons) > 1 else ""
-        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}{warned}>"
+        return f"<Identification of {self.robot.name!r}: {'; '.join(described[:SAID])}{more}{warned}>"
 
 
 POSITIVE = ("axial_stiffness", "mass", "pulley_radius")
@@ -320,8 +320,8 @@ def identify(
         errors = certainty(plain, [one.name for one in wanted], [one.size for one in wanted])[0] / np.sqrt(EFFICIENCY)
     predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
     reasons += too_many(predictions)
-    told = ~np.isin(model.kinds, estimated)  # numbers whose error was stated, which the model must explain
-    size, freedom = float(np.sum(left[told] ** 2)), float((1 - leverages(slope))[told].sum())
+    stated_errors = ~np.isin(model.kinds, estimated)  # which the model must explain
+    size, freedom = float(np.sum(left[stated_errors] ** 2)), float((1 - leverages(slope))[stated_errors].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
         reasons.append(
@@ -503,18 +503,13 @@ def _scanned(model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)
     if not stiff.any():
         return start
-    best, best_size = None, np.inf
-    failure: NotConverged | None = None
-    for factor in SCAN:
-        tried = np.where(stiff, np.log(factor), start)
+
+    def size(x: Float[np.ndarray, " unknowns"]) -> float:
         try:
-            size = float(np.sum(model.weighted(tried) ** 2))
-        except NotConverged as error:
-            failure = error
-            continue
-        if size < best_size:
-            best, best_size = tried, size
-    if best is None:
-        assert failure is not None
-        raise failure
+            return float(np.sum(model.weighted(x) ** 2))
+        except NotConverged:
+            return np.inf
+
+    best = min((np.where(stiff, np.log(factor), start) for factor in SCAN), key=size)
+    model.solve(best)  # which raises an error if there is no equilibrium for any of them
     return best
