@@ -424,7 +424,9 @@ def _spread(
     steps[:, 3:] *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(steps[:, 3:], axis=1), 1e-300))[:, None]
     positions = problem.at.position + steps[:, :3]
     rotations = Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ problem.at.rotation_matrix
-    left = over_poses(shortfall_gufunc, robot, *limits, problem.external_wrench[None], positions, rotations)
+    left = over_poses(
+        shortfall_gufunc, robot, limits[0], limits[1], problem.external_wrench[None], positions, rotations
+    )
     left = np.where(np.isfinite(left), left, np.inf)
     near, chosen = steps * np.repeat([1.0, arm], 3), []
     while len(chosen) < STARTS and np.isfinite(left).any():

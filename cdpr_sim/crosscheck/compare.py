@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -212,10 +213,11 @@ def compare_many(
         threads: for MuJoCo; 0 for one per processor.
     """
     memory, rows = has_memory(solved.robot), np.flatnonzero(solved.converged & settled.converged)
-    cross = {} if memory else dict.fromkeys(CROSS, CROSS_TOLERANCE * solved.problems.force_scale)
-    limits = cross | (tolerances or {
+    cross = () if memory else CROSS
+    limits: dict[str, Any] = dict.fromkeys(cross, CROSS_TOLERANCE * solved.problems.force_scale)
+    limits |= tolerances or {
         "position_error": POSITION_TOLERANCE, "rotation_error": ROTATION_TOLERANCE, "tension_error": TENSION_TOLERANCE
-    })  # fmt: skip
+    }  # fmt: skip
     errors, verdicts = {name: np.full(len(solved), np.nan) for name in BEYOND}, np.full(len(solved), None)
     static, at_rest = ((one.positions[rows], one.rotations[rows]) for one in (solved, settled))
     errors["position_error"][rows] = np.linalg.norm(static[0] - at_rest[0], axis=-1)

@@ -223,6 +223,7 @@ def sweep(
     if many:  # cables and modes that a robot does not have are nan
         per_robot = [*ROBOT, *({"material"} - set(result.dims))]
         result = xr.concat(parts, "robot", join="outer", data_vars="all", coords=per_robot, compat="equals")  # type: ignore[call-overload]
+        assert isinstance(result, xr.Dataset)
     if stack is not None:
         result = result.assign_coords({name: point.variable for name, point in zip(AXES, points, strict=True)})
     if wrenches is not None:
