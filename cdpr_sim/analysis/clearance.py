@@ -233,28 +233,22 @@ def segment_segment(
     c: Float[np.ndarray, "*#batch 3"],
     d: Float[np.ndarray, "*#batch 3"],
 ) -> Float[np.ndarray, "*batch"]:
-    """Distance between the segments ab and cd: between their lines if both feet lie within, else from an end."""
+    """Distance between the segments ab and cd.
+
+    Between the feet of the lines' common normal, each moved into its segment and then to where it is nearest to the
+    other (Ericson, Real-Time Collision Detection, 2005, ch. 5.1.9).
+    """
     u, v, w = b - a, d - c, a - c
-    uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
-    uw, vw = _dot(u, w), _dot(v, w)
+    normal, uv = np.cross(u, v), _dot(u, v)  # products of vectors do not cancel where the segments are nearly parallel
     with np.errstate(invalid="ignore", divide="ignore"):
-        square = uu * vv - uv * uv
-        s = np.nan_to_num(np.clip((uv * vw - vv * uw) / square, 0, 1))
-        t = np.nan_to_num(np.clip((uu * vw - uv * uw) / square, 0, 1))
-        lines = np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
-        found = [lines, _point_segment(a, c, v, vv), _point_segment(b, c, v, vv)]
-        found += [_point_segment(c, a, u, uu), _point_segment(d, a, u, uu)]
-    return np.minimum.reduce(np.broadcast_arrays(*found))
+        s = np.nan_to_num(np.clip(_dot(np.cross(v, w), normal) / _dot(normal, normal), 0, 1))
+        t = np.nan_to_num(np.clip((uv * s + _dot(v, w)) / _dot(v, v), 0, 1))
+        s = np.nan_to_num(np.clip((uv * t - _dot(u, w)) / _dot(u, u), 0, 1))
+    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(-1)
-
-
-def _point_segment(p: np.ndarray, start: np.ndarray, along: np.ndarray, square: np.ndarray) -> np.ndarray:
-    away = p - start
-    s = np.nan_to_num(np.clip(_dot(away, along) / square, 0, 1))
-    return np.linalg.norm(away - s[..., None] * along, axis=-1)
 
 
 def segment_box(

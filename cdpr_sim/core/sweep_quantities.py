@@ -40,4 +40,4 @@ class Quantity:
 class BySimulation:
     """Returns the module ``crosscheck.settled_quantities``, which this folder must not import."""
 
-    settled: ClassVar[Callable[[], Any]]
+    settled: ClassVar[Callable[..., Any]]
