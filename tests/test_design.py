@@ -135,6 +135,13 @@ def test_points_slide_along_lines_and_cables_can_be_named(parallel):
     assert thick.linear_density == pytest.approx(0.4 * np.ones((1, 8)))
 
 
+def test_a_box_holds_the_centre_of_mass_whatever_cables_are_named(parallel):
+    """Which have no part in it: once an error of NumPy, where cable 1 was not among them."""
+    box = [[-0.01, -0.01, 0], [0.01, 0.01, 0.01]]
+    bounds = [Space.of(parallel, [Move("center_of_mass", box, cables=some)], "none").upper for some in (None, [2])]
+    assert bounds[0].tolist() == bounds[1].tolist() == [0.01] * 3
+
+
 @pytest.mark.parametrize("bent", [False, True])
 def test_slopes_are_those_of_differences(bent: bool):
     """Pose and tensions by every kind of variable, with slack cables, loads with torques, and two stiffnesses.

@@ -118,18 +118,7 @@ class Space:
         rows: list[_Row] = []
         taken: set[tuple[str, int]] = set()
         for move in moves:
-            what = "exits" if move.what == "pulleys" else move.what
-            cables = _cables(robot, move)
-            if what != "center_of_mass":
-                kind = "axial_stiffness" if what in FACTORS else what
-                twice = [cable + 1 for cable in cables if (kind, cable) in taken]
-                if twice:
-                    raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
-            rows += (
-                _factors(robot, move, cables, symmetries, taken)
-                if what in FACTORS
-                else _places(robot, move, what, cables, symmetries, taken)
-            )
+            rows += _variables(robot, move, symmetries, taken)
         rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
         if not any(row[2] > row[1] for row in rows):
             raise InvalidInput(
@@ -181,50 +170,32 @@ def _cables(robot: Robot, move: Move) -> list[int]:
     return sorted(cables)
 
 
-def _factors(
-    robot: Robot, move: Move, cables: list[int], symmetries: list[Symmetry], taken: set[tuple[str, int]]
-) -> list[_Row]:
-    within = np.asarray(move.within, dtype=float)
-    least, most = (1 / within, within) if within.shape == () else within
-    rows = []
-    for leader in cables:
-        if ("axial_stiffness", leader) in taken:
-            continue
-        tied = sorted({int(one.images[leader]) for one in symmetries})
-        taken.update(("axial_stiffness", cable) for cable in tied)
-        one = np.zeros(robot.cables)
-        one[tied] = 1.0
-        name = f"{move.what.replace('_', ' ')} of {_listed(tied)}"
-        by = {"axial_stiffness": one}
-        if move.what == "diameter":
-            by = {"axial_stiffness": 2 * one, "linear_density": 2 * one}
-        rows.append((name, float(np.log(least)), float(np.log(most)), by))
-    return rows
-
-
-def _places(
-    robot: Robot,
-    move: Move,
-    what: str,
-    cables: list[int],
-    symmetries: list[Symmetry],
-    taken: set[tuple[str, int]],
-) -> list[_Row]:
-    points = robot.center_of_mass[None] if what == "center_of_mass" else getattr(robot, what)
-    images = [(one.signs, np.zeros(1, int) if what == "center_of_mass" else one.images) for one in symmetries]
-    within = np.asarray(move.within, dtype=float)
-    if move.along is None:
-        directions = [np.eye(3)[i] for i in range(3) if not (robot.mobility == "planar" and i == 1)]
-    else:
-        line = np.asarray(move.along, dtype=float)
-        directions = [line / np.linalg.norm(line)]
-    rows = []
-    for leader in [0] if what == "center_of_mass" else cables:
-        if (what, leader) in taken:
+def _variables(robot: Robot, move: Move, symmetries: list[Symmetry], taken: set[tuple[str, int]]) -> list[_Row]:
+    """The variables of a move; the points and cables that they change are added to those ``taken``."""
+    parameter = {"pulleys": "exits", "diameter": "axial_stiffness"}.get(move.what, move.what)
+    center, cables, within = parameter == "center_of_mass", _cables(robot, move), np.asarray(move.within, dtype=float)
+    twice = [cable + 1 for cable in cables if (parameter, cable) in taken and not center]
+    if twice:
+        raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
+    points = robot.center_of_mass[None] if center else getattr(robot, parameter)
+    images = [(one.signs, np.zeros(1, int) if center else one.images) for one in symmetries]
+    directions = np.eye(3)[[0, 2] if robot.mobility == "planar" else [0, 1, 2]]
+    if move.along is not None:
+        directions = [np.asarray(move.along, dtype=float) / np.linalg.norm(move.along)]
+    rows: list[_Row] = []
+    for leader in [0] if center else cables:
+        if (parameter, leader) in taken:
             continue
         orbit = sorted({int(to[leader]) for _, to in images})
-        taken.update((what, one) for one in orbit)
-        boxed = orbit if move.cables is None else [one for one in orbit if one in cables]
+        taken.update((parameter, one) for one in orbit)
+        if move.what in FACTORS:
+            by = np.isin(np.arange(robot.cables), orbit) * (2.0 if move.what == "diameter" else 1.0)
+            least, most = np.log((1 / within, within) if within.shape == () else within).tolist()
+            name = f"{move.what.replace('_', ' ')} of cable {_listed(orbit)}"
+            changed = ("axial_stiffness", "linear_density") if move.what == "diameter" else ("axial_stiffness",)
+            rows.append((name, least, most, dict.fromkeys(changed, by)))
+            continue
+        boxed = [one for one in orbit if center or one in cables]
         for direction in directions:
             by = np.zeros_like(points)
             for one in orbit:  # mean over the symmetries that map to the same cable
@@ -233,9 +204,9 @@ def _places(
                 continue
             axis = None if move.along is not None else int(np.abs(direction).argmax())
             label = "" if axis is None else f"{'xyz'[axis]} of "
-            name = f"{label}centre of mass" if what == "center_of_mass" else f"{label}{what} {_listed(orbit, '')}"
+            name = f"{label}centre of mass" if center else f"{label}{parameter} {_listed(orbit)}"
             bounds = _bounds(within, axis, points[boxed], by[boxed], name)
-            rows.append((name, *bounds, {what: by[0] if what == "center_of_mass" else by}))
+            rows.append((name, *bounds, {parameter: by[0] if center else by}))
     return rows
 
 
@@ -256,5 +227,5 @@ def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.nda
     return lower, upper
 
 
-def _listed(cables: Sequence[int], head: str = "cable ") -> str:
-    return head + ", ".join(str(cable + 1) for cable in cables)
+def _listed(cables: Sequence[int]) -> str:
+    return ", ".join(str(cable + 1) for cable in cables)
