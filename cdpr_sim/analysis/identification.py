@@ -301,7 +301,8 @@ def identify(
         last, x = x, model.fitted_from(x, ROUGH)
         before, weights = scatters, model.weights
         if robust:
-            model.weights = _huber(model.weighted(x) / weights)
+            sizes = np.abs(model.weighted(x) / weights)
+            model.weights = np.sqrt(np.minimum(1.0, TUNING / np.maximum(sizes, TUNING)))  # the weights' square roots
         scatters = _scatters(before, estimated, model, x, unstated[known], scales, floors, robust)
         model.errors = _errors(measurements, scatters)
         settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
@@ -371,13 +372,11 @@ def _start_scatters(
     measurements: Measurements, estimated: list[int], scales: Float[np.ndarray, " kinds"]
 ) -> Float[np.ndarray, " kinds"]:
     """First scatters of the kinds that are estimated, alike; as those that are stated, where some are."""
-    stated = [
-        float(np.nanmedian(errors[~np.isnan(errors)])) / scales[kind]
-        for kind in range(len(KINDS))
-        if kind not in estimated and (errors := measurements.errors[:, measurements.kinds == kind]).size
-        and not np.isnan(errors).all()
-    ]  # fmt: skip
-    return (stated[0] if stated else 1.0) * scales
+    for kind in range(len(KINDS)):
+        errors = measurements.errors[:, measurements.kinds == kind]
+        if kind not in estimated and not np.isnan(errors).all():
+            return float(np.nanmedian(errors)) / scales[kind] * scales
+    return scales
 
 
 def _errors(measurements: Measurements, scatters: Float[np.ndarray, " kinds"]) -> Float[np.ndarray, "rows numbers"]:
@@ -389,11 +388,6 @@ def _scatters_by_kind(measurements: Measurements, errors: Float[np.ndarray, "row
     """Root mean squares of the errors of the measured numbers."""
     of_kind = {kind: errors[measurements.known & (measurements.kinds == i)] for i, kind in enumerate(KINDS)}
     return {kind: float(np.sqrt(np.mean(some**2))) for kind, some in of_kind.items() if some.size}
-
-
-def _huber(residuals: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " numbers"]:
-    """Factors of the residuals by Huber's weights, the squares of the factors."""
-    return np.sqrt(np.minimum(1.0, TUNING / np.maximum(np.abs(residuals), TUNING)))
 
 
 _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))

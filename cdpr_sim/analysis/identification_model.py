@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import least_squares
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.analysis.identifiability import prediction_error
 from cdpr_sim.analysis.measurements import KINDS, Measurements
@@ -162,12 +162,9 @@ class IdentificationModel:
         self.robot, self.measurements, self.unknowns = robot, measurements, list(unknowns)
         self.positions = measurements.commanded[:, :3]
         self.rotations = Rotation.from_euler("xyz", measurements.commanded[:, 3:]).as_matrix()
-        poses = [
-            RigidTransform.from_components(position, Rotation.from_matrix(rotation))
-            for position, rotation in zip(self.positions, self.rotations, strict=True)
-        ]
-        given = measurements.rest_lengths
-        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if given is None else given
+        self.rest_lengths = measurements.rest_lengths
+        if self.rest_lengths is None:
+            self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in measurements.commanded])
         known = measurements.known
         self.errors = np.ones(known.shape) if errors is None else errors
         self.weights = np.ones(int(known.sum()))

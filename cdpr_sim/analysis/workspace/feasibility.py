@@ -139,8 +139,8 @@ def closed_form_feasible(
     held = known.copy()
     for wrench in np.moveaxis(loads, -2, 0):
         load = ((_weight(robot, turned) + wrench) / robot.units)[..., robot.free]
-        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), _pull(W, middle) + load)
-        left = np.abs(_pull(W, tensions) + load).max(-1)
+        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), (W @ middle[..., None])[..., 0] + load)
+        left = np.abs((W @ tensions[..., None])[..., 0] + load).max(-1)
         held &= (left <= BALANCED * upper.max(-1)) & ((tensions >= lower) & (tensions <= upper)).all(-1)
     return held
 
@@ -281,9 +281,3 @@ def _least_by_linprog(
 def _weight(robot: Robot, rotations: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity's wrench on the platform."""
     return forces.load_wrench(Problem(robot, robot.pose(robot.home), np.ones(robot.cables), np.zeros(6)), rotations)
-
-
-def _pull(
-    W: Float[Array, "*batch free cables"], tensions: Float[Array, "*#batch cables"]
-) -> Float[Array, "*batch free"]:
-    return np.einsum("...fc,...c->...f", W, tensions)

@@ -196,7 +196,11 @@ def sweep(
     if chunk is not None and settled is not None:
         chunk = min(chunk, settled.ROWS)
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
-    points = _coordinates(axes, blocks) if stack is None else _along(stack)
+    if stack is None:
+        points = _coordinates(axes, blocks)
+    else:
+        attrs = {"units": "m", "long_name": "commanded position"}
+        points = [xr.DataArray(column, dims=("pose",), attrs=attrs) for column in stack.translation.T]
 
     if compute or store is not None:
         variants = len(group) * (1 if materials is None else len(materials))
@@ -209,7 +213,8 @@ def sweep(
         rigid["wrench_feasible"] = np.atleast_2d(wrenches) + wrench
     parts = []
     for robot in group:
-        stiffness = _labelled(stiffnesses[robot.name], materials)
+        labels = {} if materials is None else {"material": list(materials)}
+        stiffness = xr.DataArray(stiffnesses[robot.name], dims=(*labels, "cable"), coords=labels)
         given: dict[str, Any] = dict(rotations=rotation, external_wrench=wrench)
         solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
         part = _arrays(_solved, solved, robot, points, stiffness, **given)
@@ -310,14 +315,6 @@ def axial_stiffnesses(
     return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
 
 
-def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, float] | None) -> xr.DataArray:
-    import xarray as xr
-
-    if materials is None:
-        return xr.DataArray(stiffness, dims=("cable",))
-    return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
-
-
 def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
     if quantities is None:
         return list(DEFAULT)
@@ -348,14 +345,6 @@ def _coordinates(axes: Mapping[str, np.ndarray], blocks: Mapping[str, int] | Non
         point = xr.DataArray(values, dims=(name,), coords={name: coordinate}, name=f"commanded_{name}")
         points.append(point if blocks is None else point.chunk({name: blocks[name]}))
     return points
-
-
-def _along(stack: RigidTransform) -> list[xr.DataArray]:
-    """Positions of poses, over them."""
-    import xarray as xr
-
-    units = {"units": "m", "long_name": "commanded position"}
-    return [xr.DataArray(column, dims=("pose",), attrs=units) for column in stack.translation.T]
 
 
 def _arrays(
