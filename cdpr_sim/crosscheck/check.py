@@ -29,6 +29,7 @@ from cdpr_sim.core.problem import Problems, refuse_wrench_out_of_plane
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
+from cdpr_sim.core.sweep_quantities import Quantity
 from cdpr_sim.crosscheck.compare import Comparison, Verdict, compare_many, has_memory
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.physics.settle_path import settle_path
@@ -214,28 +215,28 @@ def check(
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )
     for name in dataset.data_vars:
-        units, meaning = MEANINGS[str(name)]
-        dataset[name].attrs = {"units": units, "long_name": meaning}
-    dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
+        dataset[name].attrs = QUANTITIES[str(name)].attrs
     return Check(dataset, tuple(disagreements))
 
 
-MEANINGS = {
-    "outcome": ("1", "outcome of the comparison of MuJoCo with statics"),
-    "position_error": ("m", "distance between the platform's origins"),
-    "rotation_error": ("rad", "angle between the platforms"),
-    "tension_error": ("N", "largest difference in a cable"),
-    "static_in_mujoco": ("N", "residual of MuJoCo at the static pose"),
-    "settled_in_statics": ("N", "residual of statics at the settled pose"),
-    "proved": ("1", "whether the equilibria of both methods are proved"),
-}
-COMPARED = [name for name in MEANINGS if name not in ("outcome", "proved")]
+QUANTITIES = {
+    "outcome": Quantity(
+        (), np.int8, "1", "outcome of the comparison of MuJoCo with statics", dict(enumerate(OUTCOMES))
+    ),
+    "position_error": Quantity((), float, "m", "distance between the platform's origins"),
+    "rotation_error": Quantity((), float, "rad", "angle between the platforms"),
+    "tension_error": Quantity((), float, "N", "largest difference in a cable"),
+    "static_in_mujoco": Quantity((), float, "N", "residual of MuJoCo at the static pose"),
+    "settled_in_statics": Quantity((), float, "N", "residual of statics at the settled pose"),
+    "proved": Quantity((), bool, "1", "whether the equilibria of both methods are proved"),
+}  # fmt: skip
+COMPARED = [name for name in QUANTITIES if name not in ("outcome", "proved")]
 
 
 def _check_rows(
     problems: Problems, material: str, threads: int, certify: bool, path: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``MEANINGS`` of each problem, and the disagreements."""
+    """The columns of ``QUANTITIES`` of each problem, and the disagreements."""
     solved, settled = both(problems, threads=threads, path=path)
     comparison = compare_many(solved, settled, threads=threads)
     values = {"outcome": outcomes_of(comparison), **comparison.errors}

@@ -14,7 +14,8 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.sweep_quantities import Quantity
-from cdpr_sim.crosscheck.check import MEANINGS, OUTCOMES, ROWS, both, outcomes_of
+from cdpr_sim.crosscheck import check
+from cdpr_sim.crosscheck.check import ROWS, both, outcomes_of
 from cdpr_sim.crosscheck.compare import compare_many
 
 QUANTITIES = {
@@ -27,8 +28,7 @@ QUANTITIES = {
     "settled_status": Quantity(
         (), np.int8, "1", "how the settling ended", {int(one): one.name.lower() for one in Status}
     ),
-    "outcome": Quantity((), np.int8, *MEANINGS["outcome"], dict(enumerate(OUTCOMES))),
-    **{name: Quantity((), float, *MEANINGS[name]) for name in MEANINGS if name not in ("outcome", "proved")},
+    **{name: kind for name, kind in check.QUANTITIES.items() if name != "proved"},
 }
 """Each number is nan (with the reason in a status) where MuJoCo's platform did not settle; of a comparison also where
 statics found no equilibrium."""
