@@ -367,20 +367,14 @@ def _stiffened_roots(
         part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
         if level:  # pairs of equilibria appear as cables get stiffer
-            positions, rotations = _different(positions, rotations, robot.characteristic_length)
+            # One of each group that is equal up to rounding: thousands of starts lead to tens of roots.
+            places = np.hstack([positions / robot.characteristic_length, rotations.reshape(-1, 9)])
+            _, first = np.unique(np.round(places / SAME), axis=0, return_index=True)
+            positions, rotations = positions[first], rotations[first]
             rows = fresh[level - 1]
             born = _roots(part, starts[0][rows], starts[1][rows], 1e-2)
             positions, rotations = np.concatenate([positions, born[0]]), np.concatenate([rotations, born[1]])
     return np.concatenate([straight[0], positions]), np.concatenate([straight[1], rotations])
-
-
-def _different(
-    positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], arm: float
-) -> tuple[Float[np.ndarray, "some 3"], Float[np.ndarray, "some 3 3"]]:
-    """One of each group that is equal up to rounding: thousands of starts lead to tens of roots."""
-    rows = np.hstack([positions / arm, rotations.reshape(-1, 9)])
-    _, first = np.unique(np.round(rows / SAME), axis=0, return_index=True)
-    return positions[first], rotations[first]
 
 
 def _roots(

@@ -62,7 +62,11 @@ class PoseFeedback:
         """
         self._poses.append((time, pose))
         if measurement.time > self._sampled:
-            wanted = self._wanted(measurement.time)
+            while self._poses[0][0] < measurement.time:
+                self._poses.popleft()
+            sampled, wanted = self._poses[0]  # usually, a sample was taken at the time of a command
+            if sampled != measurement.time:
+                wanted = self._reference.pose(measurement.time)
             turn = (wanted.rotation * measurement.pose.rotation.inv()).as_rotvec()
             error = np.concatenate([wanted.translation - measurement.pose.translation, turn])
             self._correction += self.gain * (measurement.time - self._sampled) * error
@@ -71,9 +75,3 @@ class PoseFeedback:
                 self._correction[part] *= min(1.0, most / size) if size > 0 else 1.0
             self._sampled = measurement.time
         return self.inner.command(time, moved(pose, self._correction), measurement)
-
-    def _wanted(self, time: float) -> RigidTransform:
-        """Reference pose at ``time`` [s], usually the one that was passed to ``command`` then."""
-        while self._poses[0][0] < time:
-            self._poses.popleft()
-        return self._poses[0][1] if self._poses[0][0] == time else self._reference.pose(time)

@@ -227,7 +227,8 @@ def compare_many(
         problems = solved.problems.take(rows)
         errors["static_in_mujoco"][rows] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"][rows] = forces.at(problems, *at_rest).residual
-    other_slack = slack_differs(solved, settled)
+    near = [np.abs(one.lengths - one.rest_lengths) <= REST_LENGTH_TOLERANCE for one in (solved, settled)]
+    other_slack = (solved.slack != settled.slack) & ~near[0] & ~near[1]
     within = {name: errors[name] <= limit for name, limit in limits.items()}
     balanced = np.all([within[name] for name in cross], axis=0)
     same_tensions = balanced & within["tension_error"] & ~other_slack.any(-1)
@@ -249,12 +250,6 @@ def has_memory(robot: Robot) -> bool:
     So neither method can evaluate its forces at the pose of the other one.
     """
     return bool(robot.cabling.has_memory.any())
-
-
-def slack_differs(solved: EquilibriumBatch, settled: EquilibriumBatch) -> Bool[np.ndarray, "rows cables"]:
-    """Which cables are slack by one method only; one at its rest length counts as either."""
-    near = [np.abs(one.lengths - one.rest_lengths) <= REST_LENGTH_TOLERANCE for one in (solved, settled)]
-    return (solved.slack != settled.slack) & ~near[0] & ~near[1]
 
 
 def connected(problems: Problems, static: RigidTransform, settled: RigidTransform) -> Bool[np.ndarray, " rows"]:
