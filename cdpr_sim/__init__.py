@@ -45,11 +45,11 @@ def _cut(*arguments: object) -> tuple:
 _WithMass.cut = staticmethod(_cut)
 
 
-def _settled() -> tuple:
+def _settled() -> object:
     """The quantities of a sweep by simulation; MuJoCo is imported at the first call."""
-    from cdpr_sim.crosscheck.settled_quantities import settled
+    from cdpr_sim.crosscheck import settled_quantities
 
-    return settled()
+    return settled_quantities
 
 
 _BySimulation.settled = staticmethod(_settled)  # type: ignore[assignment]

@@ -341,8 +341,7 @@ def sizes() -> Iterator[Row]:
     most = bytes_of(lambda: cdpr.clearances(robot, random_poses(robot, rows)))
     yield Row(f"clearance.ROWS = {rows}", "memory for the distances [MB]", f"{most / 1e6:.0f}", most < 80e6)
     solved = cdpr.solve_many(robot, random_poses(robot, 5000))
-    weights = np.zeros(robot.cables)
-    most = bytes_of(lambda: clearance.cable_curves(solved, robot.exits, robot.anchors, weights, 0.03, points))
+    most = bytes_of(lambda: clearance.cable_curves(solved, 0.03, points))
     most /= solved.positions.size / 3 * robot.cables * points
     name = f"BYTES_PER_POINT = {clearance.BYTES_PER_POINT}"
     yield Row(name, "of 5,000 poses", f"{most:.0f}", most < clearance.BYTES_PER_POINT)

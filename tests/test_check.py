@@ -9,7 +9,8 @@ import cdpr_sim as cdpr
 from cdpr_sim.core import pose
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare
-from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
+from cdpr_sim.crosscheck.check import OUTCOMES
+from cdpr_sim.crosscheck.compare import compare_many
 from cdpr_sim.crosscheck.compensation_check import SAME, CompensationCheck
 from cdpr_sim.drawing import maps
 from cdpr_sim.physics import dynamic_relaxation
@@ -29,17 +30,16 @@ def test_many_rows_are_compared_as_one_by_one(catalogue, name):
     """The same errors, cross residuals and verdicts as ``compare``, row by row, neutral equilibria included."""
     robot = catalogue[name]
     solved, settled = methods(robot, grid(robot, 60))
-    columns, agree = compare_many(solved, settled)
-    verdicts, outcome = set(), checking.compared(solved, settled, "cables")[0]["outcome"]
+    many = compare_many(solved, settled)
+    verdicts, outcome = set(), checking.outcomes_of(many)
     for row in range(len(solved)):
         one = cdpr.compare(solved[row], settled[row])
         verdicts.add(one.verdict)
-        assert agree[row] == (one.verdict is cdpr.Verdict.AGREE)
-        for field, column in columns.items():
+        assert many.verdicts[row] is one.verdict
+        assert many.agreement(row).reasons == one.reasons
+        for field, column in many.errors.items():
             assert column[row] == pytest.approx(getattr(one, field), rel=1e-6, abs=1e-11), field  # rounding of 1 N
         assert OUTCOMES[outcome[row]] == one.verdict.name.lower()
-        if one.verdict is not cdpr.Verdict.AGREE:
-            assert checking._outcome(solved, settled, row)[0] == one.verdict.name.lower()
     assert (cdpr.Verdict.AGREE_EXCEPT_NEUTRAL in verdicts) == (name == "parallel")
 
 
@@ -64,14 +64,14 @@ def test_every_tolerance_counts(catalogue, monkeypatch, tolerance, method, field
     """A negative control for each, alone: one row off by more than it is not agreement; the others still are."""
     robot = catalogue["cogiro"]
     both = dict(zip(("solved", "settled"), methods(robot, grid(robot, 12)), strict=True))
-    assert compare_many(**both)[1].all()
+    assert set(compare_many(**both).verdicts) == {cdpr.Verdict.AGREE}
     for other in ("POSITION_TOLERANCE", "ROTATION_TOLERANCE", "TENSION_TOLERANCE", "CROSS_TOLERANCE"):
         if other != tolerance:
             monkeypatch.setattr(compare, other, np.inf)
     wrong = dataclasses.replace(both[method], **{field: moved(getattr(both[method], field), amount)})
-    _, agree = compare_many(**(both | {method: wrong}))
-    assert not agree[0]
-    assert agree[1:].all()
+    verdicts = compare_many(**(both | {method: wrong})).verdicts
+    assert verdicts[0] is not cdpr.Verdict.AGREE
+    assert set(verdicts[1:]) == {cdpr.Verdict.AGREE}
 
 
 def test_cable_slack_on_one_method_only_is_no_agreement(catalogue):
@@ -82,10 +82,10 @@ def test_cable_slack_on_one_method_only_is_no_agreement(catalogue):
     slack[0, 0] = True
     wrong = dataclasses.replace(solved, tensions=np.where(slack, 0.0, solved.tensions))
     nearly = dataclasses.replace(settled, tensions=np.where(slack, 1e-4, settled.tensions))
-    columns, agree = compare_many(wrong, nearly)
-    assert columns["tension_error"].max() < compare.TENSION_TOLERANCE
-    assert not agree[0]
-    assert agree[1:].all()
+    many = compare_many(wrong, nearly)
+    assert many.errors["tension_error"].max() < compare.TENSION_TOLERANCE
+    assert many.verdicts[0] is not cdpr.Verdict.AGREE
+    assert set(many.verdicts[1:]) == {cdpr.Verdict.AGREE}
 
 
 def test_the_two_methods_agree_over_the_workspace():
@@ -229,8 +229,8 @@ def test_cross_residuals_are_compared_with_the_load(monkeypatch, catalogue):
     solved, settled = cdpr.solve_many(problems), cdpr.settle_many(problems)
     for share, within in ((0.9, True), (1.1, False)):
         left = np.array([share * 1e-5 * robot.weight])
-        monkeypatch.setattr(checking, "residuals_of", lambda *asked, threads, left=left: left)
-        assert checking.compare_many(solved, settled)[1].tolist() == [within]
+        monkeypatch.setattr(compare, "residuals_of", lambda *asked, threads, left=left: left)
+        assert (compare_many(solved, settled).verdicts == cdpr.Verdict.AGREE).tolist() == [within]
 
 
 def test_both_methods_are_asked_about_the_cables_that_are_named(monkeypatch):
@@ -327,5 +327,5 @@ def test_where_no_energy_counts_as_constant_equilibria_are_different(monkeypatch
     """Negative control of neutral stability, which is decided for all rows at once."""
     monkeypatch.setattr(compare, "LEVEL", -1.0)
     solved, settled = methods(cdpr.load_robot("parallel"), np.array([[0.1, 0.1, 0.05], [0.4, 0.25, 0.2]]))
-    outcome = checking.compared(solved, settled, "cables")[0]["outcome"]
+    outcome = checking.outcomes_of(compare_many(solved, settled))
     assert [OUTCOMES[code] for code in outcome] == ["different_equilibria", "agree"]

@@ -181,6 +181,15 @@ def test_table_marks_a_point_that_is_no_equilibrium():
     assert list(table.columns[-1].cells)[-1] == "[red]none[/]"
 
 
+def test_settle_agrees_where_a_pose_of_a_path_is_neutral():
+    """As it does for that pose alone, and as `check` does."""
+    path = ["--waypoint", "0.1,0.1,0.05", "--waypoint", "0.4,0.25,0.2"]
+    assert run("settle", "parallel", "--pose", "0.1", "0.1", "0.05").exit_code == 0
+    result = run("settle", "parallel", *path, "--path-points", "2")
+    assert result.exit_code == 0, result.output
+    assert "The methods agree at 2 of 2 poses." in result.stdout
+
+
 def test_settle_and_check_follow_a_path():
     """A row for each pose, also turned ones and by JSON; and a check of them, which a wrong solver fails."""
     path = ["--waypoint", "0.35,0.25,0.1", "--waypoint", "0.35,0.25,0.15,0,0,0.1", "--waypoint", "0.45,0.25,0.15"]

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from sample_problems import grid, paper_line, random_problems
 
 import cdpr_sim as cdpr
-from cdpr_sim.crosscheck.check import compare_many
-from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
+from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict, compare_many
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 from cdpr_sim.statics import forces, newton
@@ -33,16 +32,13 @@ def verdicts_of(solved: cdpr.EquilibriumBatch, settled: cdpr.EquilibriumBatch) -
     """Of every row; the errors are within tolerance wherever the two agree, as ``compare`` says itself elsewhere."""
     assert solved.converged.all()
     assert settled.converged.all()
-    errors, agree = compare_many(solved, settled)
-    assert errors["position_error"].max() <= POSITION_TOLERANCE
-    assert errors["tension_error"].max() <= TENSION_TOLERANCE
-    verdicts = [Verdict.AGREE] * len(solved)
-    for row in np.flatnonzero(~agree).tolist():
-        agreement = cdpr.compare(solved[row], settled[row])
-        assert agreement.agrees, agreement.reasons
-        assert agreement.same_slack
-        verdicts[row] = agreement.verdict
-    return verdicts
+    many = compare_many(solved, settled)
+    assert many.errors["position_error"].max() <= POSITION_TOLERANCE
+    assert many.errors["tension_error"].max() <= TENSION_TOLERANCE
+    for row in range(len(solved)):
+        assert many.agreement(row).agrees, many.agreement(row).reasons
+        assert many.agreement(row).same_slack
+    return many.verdicts.tolist()
 
 
 def methods(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:

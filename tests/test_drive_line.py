@@ -24,7 +24,7 @@ from cdpr_sim.analysis.workspace.feasibility import (
 from cdpr_sim.core.describe import describe_properties
 from cdpr_sim.core.pose import moved
 from cdpr_sim.core.robot_batch import RobotBatch
-from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.layout_derivatives import layout_derivatives
 from cdpr_sim.design.layout_equilibria import Cases, feasible_share, solve_layouts
 from cdpr_sim.report.as_json import solution
 from cdpr_sim.report.crosscheck_tables import equilibrium_notes
@@ -386,11 +386,12 @@ def test_derivatives_by_the_layout_are_exact():
     robot = mixed("cogiro", **KINDS["pulleys and law"])
     cases = Cases.of(robot, [POSE, (0.4, 0.25, 0.15)])
     here = solve_layouts(RobotBatch.of([robot]), cases, 1)
-    state = here.positions[0], here.rotations[0], here.problems.rest_lengths[0]
     rng = np.random.default_rng(0)
     moves = rng.uniform(-1, 1, (8, 3)), rng.uniform(-1, 1, (8, 3)), SOFT * rng.uniform(-1, 1, 8)
-    steps = Steps(moves[0][None], moves[1][None], moves[2][None], np.zeros((1, 3)))
-    by_pose, by_tensions = layout_derivatives(robot, cases, *state, steps)
+    changes = {
+        name: move.reshape(-1, 1) for name, move in zip(("exits", "anchors", "axial_stiffness"), moves, strict=True)
+    }
+    by_pose, by_tensions = layout_derivatives(here, 0, changes, known=True)
     ends = []
     for sign in (1e-6, -1e-6):
         exits, anchors, stiffness = (old + sign * new for old, new in zip(
@@ -399,9 +400,9 @@ def test_derivatives_by_the_layout_are_exact():
         changed = robot.replace(exits=exits, anchors=anchors, axial_stiffness=stiffness)
         ends.append(solve_layouts(RobotBatch.of([changed]), cases, 1))
     slope = (ends[0].positions[0] - ends[1].positions[0]) / 2e-6
-    assert by_pose[:, 0, :3] == pytest.approx(slope, abs=SOLVED * np.abs(slope).max())
+    assert by_pose[:, :3, 0] == pytest.approx(slope, abs=SOLVED * np.abs(slope).max())
     slope = (ends[0].tensions[0] - ends[1].tensions[0]) / 2e-6
-    assert by_tensions[:, 0] == pytest.approx(slope, abs=SOLVED * np.abs(slope).max())
+    assert by_tensions[..., 0] == pytest.approx(slope, abs=SOLVED * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("kind", ["plain", "pulleys", "law"])

@@ -211,7 +211,7 @@ def test_check_compares_what_both_methods_say(monkeypatch):
 
     monkeypatch.setattr(checking, "settle_many", settled)
     monkeypatch.setattr(checking, "solve_many", solved)
-    monkeypatch.setattr(checking, "residuals_of", residuals)
+    monkeypatch.setattr(comparing, "residuals_of", residuals)
     dataset = cdpr.check("cogiro", {"x": [0.3, 0.4, 0.5]}).dataset
     apart = np.linalg.norm(seen["settled"].positions - seen["solved"].positions, axis=1)
     assert apart == pytest.approx([3e-8, 6e-8, 9e-8], abs=5e-9)
@@ -227,11 +227,12 @@ def test_compare_asks_each_method_about_the_other(monkeypatch):
     robot = cdpr.load_robot("cogiro")
     static, settled = cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))
     asked = []
-    monkeypatch.setattr(comparing, "residual_of", lambda problem, pose: asked.append(pose) or 123.0)
+    recorder = lambda problems, poses, threads: asked.append(poses) or 123.0  # noqa: E731
+    monkeypatch.setattr(comparing, "residuals_of", recorder)
     agreement = cdpr.compare(static, settled)
     assert agreement.static_in_mujoco == 123.0
     assert len(asked) == 1
-    np.testing.assert_array_equal(asked[0].position, static.position)
+    np.testing.assert_array_equal(asked[0].translation[0], static.position)
     assert agreement.settled_in_statics < 1e-6
     assert any("MuJoCo at the static pose has a residual of 1.2e+02 N" in reason for reason in agreement.reasons)
 

@@ -174,7 +174,7 @@ def test_full_disk_is_one_sentence_and_nothing_is_lost(expected, tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
     try:
-        with pytest.raises(cdpr.StoreError, match=r"sweep.zarr cannot be written: .*goes on from there"):
+        with pytest.raises(cdpr.StoreError, match=r"sweep.zarr cannot be written: .*continues from there"):
             cdpr.sweep(**ASKED, store=path)
         with pytest.raises(cdpr.StoreError, match=r"sweep.nc cannot be written"):
             cdpr.sweep(**ASKED, store=tmp_path / "sweep.nc")

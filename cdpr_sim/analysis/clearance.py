@@ -133,7 +133,7 @@ def clearances(
     fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
     if fitting < 0:
         raise InvalidInput(f"fitting: found {fitting:g} m, expected 0 or more")
-    curves = cable_curves(equilibria, machine.exits, machine.anchors, machine.cable_weights, fitting, points)
+    curves = cable_curves(equilibria, fitting, points)
     found = _distances(equilibria, curves)
     lost = ~equilibria.converged
     for one in found:
@@ -146,27 +146,20 @@ def default_fitting(robot: Robot) -> float:
     return 0.5 * robot.characteristic_length
 
 
-def least_clearance(
-    equilibria: EquilibriumBatch,
-    exits: Float[np.ndarray, "*#batch cables 3"],
-    anchors: Float[np.ndarray, "*#batch cables 3"],
-    weights: Float[np.ndarray, "*#batch cables"],
-) -> Float[np.ndarray, "*batch"]:
-    """The smallest distance [m], where each row has its own layout: exits, anchors, weights per length."""
-    curves = cable_curves(equilibria, exits, anchors, weights, default_fitting(equilibria.robot), SEARCH_POINTS)
+def least_clearance(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch"]:
+    """The smallest distance [m], also in equilibria of several layouts, by curves of few points."""
+    curves = cable_curves(equilibria, default_fitting(equilibria.robot), SEARCH_POINTS)
     return np.concatenate(_distances(equilibria, curves), axis=-1).min(-1)
 
 
 def cable_curves(
-    equilibria: EquilibriumBatch,
-    exits: Float[np.ndarray, "*#batch cables 3"],
-    anchors: Float[np.ndarray, "*#batch cables 3"],
-    weights: Float[np.ndarray, "*#batch cables"],
-    fitting: float,
-    points: int,
+    equilibria: EquilibriumBatch, fitting: float, points: int
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Each cable's curve without its two ends; of two points where all are straight."""
     robot, positions, slack = equilibria.robot, equilibria.positions, equilibria.slack
+    exits, anchors, weights = robot.exits, robot.anchors, robot.cable_weights
+    if (layouts := equilibria.problems.robots) is not None:
+        exits, anchors, weights = (one[:, None] for one in (layouts.exits, layouts.anchors, layouts.cable_weights))
     cabling = robot.cabling
     ends = positions[..., None, :] + np.einsum(
         "...ij,...mj->...mi", equilibria.rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
@@ -174,8 +167,8 @@ def cable_curves(
     starts = np.broadcast_to(exits, ends.shape).copy()
     over = cabling.pulleys
     if over.any():
-        apart = np.moveaxis(starts - ends, -1, 0)[..., over]
-        starts[..., over, :] = ends[..., over, :] + np.moveaxis(wheel_paths(cabling, *apart)[1:4], 0, -1)
+        chords = np.moveaxis(starts - ends, -1, 0)[..., over]
+        starts[..., over, :] = ends[..., over, :] + np.moveaxis(wheel_paths(cabling, *chords)[1:4], 0, -1)
     straight = cabling.massless and not (slack & ~over).any()
     fractions = np.linspace(0, 1, 2 if straight else points)
     curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]
@@ -240,28 +233,22 @@ def segment_segment(
     c: Float[np.ndarray, "*#batch 3"],
     d: Float[np.ndarray, "*#batch 3"],
 ) -> Float[np.ndarray, "*batch"]:
-    """Distance between the segments ab and cd: between their lines if both feet lie within, else from an end."""
+    """Distance between the segments ab and cd.
+
+    Between the feet of the lines' common normal, each moved into its segment and then to where it is nearest to the
+    other (Ericson, Real-Time Collision Detection, 2005, ch. 5.1.9).
+    """
     u, v, w = b - a, d - c, a - c
-    uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
-    uw, vw = _dot(u, w), _dot(v, w)
+    normal, uv = np.cross(u, v), _dot(u, v)  # products of vectors do not cancel where the segments are nearly parallel
     with np.errstate(invalid="ignore", divide="ignore"):
-        square = uu * vv - uv * uv
-        s = np.nan_to_num(np.clip((uv * vw - vv * uw) / square, 0, 1))
-        t = np.nan_to_num(np.clip((uu * vw - uv * uw) / square, 0, 1))
-        lines = np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
-        found = [lines, _point_segment(a, c, v, vv), _point_segment(b, c, v, vv)]
-        found += [_point_segment(c, a, u, uu), _point_segment(d, a, u, uu)]
-    return np.minimum.reduce(np.broadcast_arrays(*found))
+        s = np.nan_to_num(np.clip(_dot(np.cross(v, w), normal) / _dot(normal, normal), 0, 1))
+        t = np.nan_to_num(np.clip((uv * s + _dot(v, w)) / _dot(v, v), 0, 1))
+        s = np.nan_to_num(np.clip((uv * t - _dot(u, w)) / _dot(u, u), 0, 1))
+    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(-1)
-
-
-def _point_segment(p: np.ndarray, start: np.ndarray, along: np.ndarray, square: np.ndarray) -> np.ndarray:
-    away = p - start
-    s = np.nan_to_num(np.clip(_dot(away, along) / square, 0, 1))
-    return np.linalg.norm(away - s[..., None] * along, axis=-1)
 
 
 def segment_box(

@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, nearest, on_the_balance, smallest, stiffest
-from cdpr_sim.analysis.workspace.feasibility import BALANCED
+from cdpr_sim.analysis.workspace.feasibility import BALANCED, over_poses
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.checks import Frozen, checked_array, frozen, one_of
 from cdpr_sim.core.describe import describe_twist
@@ -193,9 +193,11 @@ def compensate(
         NotConverged: no pose was found that tensions within limits hold.
     """
     one_of("preference", prefer, get_args(Prefer))
-    asked = Problem.of(robot, pose, external_wrench=external_wrench)
-    robot, commanded = asked.robot, asked.pose
-    rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
+    given_problem = Problem.of(robot, pose, external_wrench=external_wrench)
+    robot, commanded = given_problem.robot, given_problem.pose
+    rigid = Problem.of(
+        robot, commanded, external_wrench=given_problem.external_wrench
+    )  # refuses a pose above all exits
     if tensions is not None and tension_limits is not None:
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
     field, given = ("tension_limits", tension_limits) if tensions is None else ("tensions", tensions)
@@ -221,7 +223,8 @@ def compensate(
             if missed > MISSES or robot.cabling.massless:
                 break
             chosen = nearest(demand)  # with their directions, tensions within limits may balance the load
-        shortened = _cut(rigid, commanded, chosen)
+        rest = _cut_lengths(robot, commanded.translation, commanded.rotation.as_matrix(), chosen)
+        shortened = Problem(robot, commanded, frozen(rest), rigid.external_wrench)
         found = forces.equilibrium_at(shortened, commanded, iterations=0, source="compensation")
         if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
             if not _holds(found, idle):
@@ -284,12 +287,6 @@ def demand_at(
         stiffness=base - np.einsum("c,cij->ij", some, stiffening),
         stiffening=stiffening,
     )
-
-
-def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
-    """``problem`` with the unstretched lengths that have these tensions at ``pose``, from which it starts."""
-    rest = _cut_lengths(problem.robot, pose.translation, pose.rotation.as_matrix(), tensions)
-    return Problem(problem.robot, pose, frozen(rest), problem.external_wrench)
 
 
 def _cut_lengths(
@@ -427,11 +424,9 @@ def _spread(
     steps[:, 3:] *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(steps[:, 3:], axis=1), 1e-300))[:, None]
     positions = problem.at.position + steps[:, :3]
     rotations = Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ problem.at.rotation_matrix
-    with np.errstate(all="ignore"):
-        left = shortfall_gufunc(bent=robot.cabling.bent)(
-            robot.cabling.packed, *limits, robot.weight, robot.center_of_mass, problem.external_wrench[None],
-            np.array(free), robot.characteristic_length, positions, rotations,
-        )  # fmt: skip
+    left = over_poses(
+        shortfall_gufunc, robot, limits[0], limits[1], problem.external_wrench[None], positions, rotations
+    )
     left = np.where(np.isfinite(left), left, np.inf)
     near, chosen = steps * np.repeat([1.0, arm], 3), []
     while len(chosen) < STARTS and np.isfinite(left).any():

@@ -202,17 +202,20 @@ def find_equilibria(
     whole("starts", starts, 1)
     whole("seed", seed, 0)
     random = np.random.default_rng(seed)
-    positions, rotations = _starts(problem, starts, random)
-    found, made = _resting(problem, positions, rotations, []), starts
-    if saddles:
-        found, made = _with_saddles(problem, positions, rotations, found)
-        for _ in range(MOST_SEARCHES - 1):
-            if not _imbalance(found):
-                break
-            positions, rotations = _around(problem, found, starts, random)
-            found += _resting(problem, positions, rotations, found)
-            found, more = _with_saddles(problem, positions, rotations, found)
-            made += more
+    found: list[Equilibrium] = []
+    made = 0
+    for _ in range(MOST_SEARCHES if saddles else 1):
+        positions, rotations = _around(problem, found, starts, random) if made else _starts(problem, starts, random)
+        found += _stable_equilibria(problem, positions, rotations, found)
+        if saddles:  # roots from the same starts, and from between the stable equilibria
+            between = _between(found)
+            positions = np.concatenate([positions, between.translation])
+            rotations = np.concatenate([rotations, between.rotation.as_matrix()])
+            roots = _stiffened_roots(problem, positions, rotations)
+            found += _distinct(problem, *roots, polish=False, known=found)
+        made += len(positions)
+        if not _imbalance(found):
+            break
     energies = np.array([_energy(one) for one in found], dtype=float)
     order = np.argsort(energies, kind="stable")
     return Equilibria(problem, tuple(found[i] for i in order), energies[order], made, saddles)
@@ -313,7 +316,7 @@ def _imbalance(found: Sequence[Equilibrium]) -> int | None:
     return sum(1 - 2 * (unstable_directions(one) % 2) for one in found)
 
 
-def _resting(
+def _stable_equilibria(
     problem: Problem,
     positions: Float[np.ndarray, "starts 3"],
     rotations: Float[np.ndarray, "starts 3 3"],
@@ -331,20 +334,6 @@ def _resting(
     if not done.any() and beyond.any():
         raise NotConverged.because(Status.OVERSTRAINED, descended.point(int(np.argmax(beyond))))
     return _distinct(problem, descended.positions[done], descended.rotations[done], polish=True, known=known)
-
-
-def _with_saddles(
-    problem: Problem,
-    positions: Float[np.ndarray, "starts 3"],
-    rotations: Float[np.ndarray, "starts 3 3"],
-    found: list[Equilibrium],
-) -> tuple[list[Equilibrium], int]:
-    """``found`` and the roots from the starts and from between them, stable or not; and the number of starts."""
-    between = _between(found)
-    positions = np.concatenate([positions, between.translation])
-    rotations = np.concatenate([rotations, between.rotation.as_matrix()])
-    roots = _stiffened_roots(problem, positions, rotations)
-    return found + _distinct(problem, *roots, polish=False, known=found), len(positions)
 
 
 def _between(found: list[Equilibrium]) -> RigidTransform:
@@ -378,20 +367,14 @@ def _stiffened_roots(
         part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
         if level:  # pairs of equilibria appear as cables get stiffer
-            positions, rotations = _different(positions, rotations, robot.characteristic_length)
+            # One of each group that is equal up to rounding: thousands of starts lead to tens of roots.
+            places = np.hstack([positions / robot.characteristic_length, rotations.reshape(-1, 9)])
+            _, first = np.unique(np.round(places / SAME), axis=0, return_index=True)
+            positions, rotations = positions[first], rotations[first]
             rows = fresh[level - 1]
             born = _roots(part, starts[0][rows], starts[1][rows], 1e-2)
             positions, rotations = np.concatenate([positions, born[0]]), np.concatenate([rotations, born[1]])
     return np.concatenate([straight[0], positions]), np.concatenate([straight[1], rotations])
-
-
-def _different(
-    positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], arm: float
-) -> tuple[Float[np.ndarray, "some 3"], Float[np.ndarray, "some 3 3"]]:
-    """One of each group that is equal up to rounding: thousands of starts lead to tens of roots."""
-    rows = np.hstack([positions / arm, rotations.reshape(-1, 9)])
-    _, first = np.unique(np.round(rows / SAME), axis=0, return_index=True)
-    return positions[first], rotations[first]
 
 
 def _roots(
@@ -412,7 +395,7 @@ def _roots(
     balanced = left <= BALANCED * problem.load
     # The orthogonality of products of many small rotations deteriorates by rounding.
     positions, rotations = positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
-    # The search goes on where an anchor comes into its wheel; a cable has no path there.
+    # The search continues where an anchor comes into its wheel; a cable has no path there.
     possible = np.isfinite(forces.at(problem, positions, rotations).lengths).all(-1)
     return positions[possible], rotations[possible]
 
@@ -423,11 +406,11 @@ def _distinct(
     rotations: Float[np.ndarray, "rows 3 3"],
     *,
     polish: bool,
-    known: list[Equilibrium] | None = None,
+    known: list[Equilibrium],
 ) -> list[Equilibrium]:
     """One of each distinct equilibrium, besides those ``known``; the first of a neutral family."""
     arm = problem.robot.characteristic_length
-    found, relatives = [], list(known or [])
+    found, relatives = [], list(known)
     left = np.ones(len(positions), dtype=bool)
     sides = _sides(forces.at(problem, positions, rotations).eigenvalues)
     for one in relatives:

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
-which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, told apart by 12 poses, 0.02
+which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, distinguished by 12 poses, 0.02
 (``scripts/measure_constants.py``)."""
 
 ALIKE = 0.99
@@ -96,7 +96,7 @@ def certainty(
     Args:
         slope: of the residuals.
         names: of the unknowns.
-        sizes: what the standard error of each is compared with, and that in words; inf where there is nothing.
+        sizes: what the standard error of each is compared with, and its name; inf where there is nothing.
     """
     reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
     seen, unseen, kept = directions(slope)
@@ -135,10 +135,10 @@ def too_many(predictions: Mapping[tuple[str, ...], float]) -> list[str]:
         predictions: as ``Identification`` has them.
     """
     best, least = best_of_fewer(predictions)
-    asked = next(iter(predictions.values()))
-    if not asked > max(WORSE * least, INVISIBLE):
+    of_all = next(iter(predictions.values()))
+    if not of_all > max(WORSE * least, INVISIBLE):
         return []
-    better = f"{asked / least:.2g} times better by" if 0 < least < asked < np.inf else "only by"
+    better = f"{of_all / least:.2g} times better by" if 0 < least < of_all < np.inf else "only by"
     return [f"the data do not determine so many unknowns: omitted rows are predicted {better} {described(best)}"]
 
 
@@ -150,5 +150,5 @@ def best_of_fewer(predictions: Mapping[tuple[str, ...], float]) -> tuple[tuple[s
 
 
 def described(names: Sequence[str]) -> str:
-    """Unknowns that are fitted in place of more, in words."""
+    """Unknowns that are fitted in place of more, as text."""
     return f"{' and '.join(names)} alone" if names else "the robot as it was given"

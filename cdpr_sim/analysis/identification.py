@@ -211,14 +211,14 @@ class Identification(HtmlRepr):
         return np.where(measurements.known, model.residuals(x), np.nan)
 
     def __repr__(self) -> str:
-        told = [
+        described = [
             f"{name} = {value:.6g} ± {error:.2g} {unit}"
             for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
         ]
-        more = f"; and {len(told) - SAID} more" if len(told) > SAID else ""
+        more = f"; and {len(described) - SAID} more" if len(described) > SAID else ""
         warned = f"; {self.reasons[0]}" if self.reasons else ""
         warned += f" (and {len(self.reasons) - 1} more warnings)" if len(self.reasons) > 1 else ""
-        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}{warned}>"
+        return f"<Identification of {self.robot.name!r}: {'; '.join(described[:SAID])}{more}{warned}>"
 
 
 POSITIVE = ("axial_stiffness", "mass", "pulley_radius")
@@ -301,7 +301,8 @@ def identify(
         last, x = x, model.fitted_from(x, ROUGH)
         before, weights = scatters, model.weights
         if robust:
-            model.weights = _huber(model.weighted(x) / weights)
+            sizes = np.abs(model.weighted(x) / weights)
+            model.weights = np.sqrt(np.minimum(1.0, TUNING / np.maximum(sizes, TUNING)))  # the weights' square roots
         scatters = _scatters(before, estimated, model, x, unstated[known], scales, floors, robust)
         model.errors = _errors(measurements, scatters)
         settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
@@ -320,8 +321,8 @@ def identify(
         errors = certainty(plain, [one.name for one in wanted], [one.size for one in wanted])[0] / np.sqrt(EFFICIENCY)
     predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
     reasons += too_many(predictions)
-    told = ~np.isin(model.kinds, estimated)  # numbers whose error was stated, which the model must explain
-    size, freedom = float(np.sum(left[told] ** 2)), float((1 - leverages(slope))[told].sum())
+    stated_errors = ~np.isin(model.kinds, estimated)  # which the model must explain
+    size, freedom = float(np.sum(left[stated_errors] ** 2)), float((1 - leverages(slope))[stated_errors].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
         reasons.append(
@@ -371,13 +372,11 @@ def _start_scatters(
     measurements: Measurements, estimated: list[int], scales: Float[np.ndarray, " kinds"]
 ) -> Float[np.ndarray, " kinds"]:
     """First scatters of the kinds that are estimated, alike; as those that are stated, where some are."""
-    stated = [
-        float(np.nanmedian(errors[~np.isnan(errors)])) / scales[kind]
-        for kind in range(len(KINDS))
-        if kind not in estimated and (errors := measurements.errors[:, measurements.kinds == kind]).size
-        and not np.isnan(errors).all()
-    ]  # fmt: skip
-    return (stated[0] if stated else 1.0) * scales
+    for kind in range(len(KINDS)):
+        errors = measurements.errors[:, measurements.kinds == kind]
+        if kind not in estimated and not np.isnan(errors).all():
+            return float(np.nanmedian(errors)) / scales[kind] * scales
+    return scales
 
 
 def _errors(measurements: Measurements, scatters: Float[np.ndarray, " kinds"]) -> Float[np.ndarray, "rows numbers"]:
@@ -389,11 +388,6 @@ def _scatters_by_kind(measurements: Measurements, errors: Float[np.ndarray, "row
     """Root mean squares of the errors of the measured numbers."""
     of_kind = {kind: errors[measurements.known & (measurements.kinds == i)] for i, kind in enumerate(KINDS)}
     return {kind: float(np.sqrt(np.mean(some**2))) for kind, some in of_kind.items() if some.size}
-
-
-def _huber(residuals: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " numbers"]:
-    """Factors of the residuals by Huber's weights, the squares of the factors."""
-    return np.sqrt(np.minimum(1.0, TUNING / np.maximum(np.abs(residuals), TUNING)))
 
 
 _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))
@@ -503,18 +497,13 @@ def _scanned(model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)
     if not stiff.any():
         return start
-    best, best_size = None, np.inf
-    failure: NotConverged | None = None
-    for factor in SCAN:
-        tried = np.where(stiff, np.log(factor), start)
+
+    def size(x: Float[np.ndarray, " unknowns"]) -> float:
         try:
-            size = float(np.sum(model.weighted(tried) ** 2))
-        except NotConverged as error:
-            failure = error
-            continue
-        if size < best_size:
-            best, best_size = tried, size
-    if best is None:
-        assert failure is not None
-        raise failure
+            return float(np.sum(model.weighted(x) ** 2))
+        except NotConverged:
+            return np.inf
+
+    best = min((np.where(stiff, np.log(factor), start) for factor in SCAN), key=size)
+    model.solve(best)  # which raises an error if there is no equilibrium for any of them
     return best

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import least_squares
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.analysis.identifiability import prediction_error
 from cdpr_sim.analysis.measurements import KINDS, Measurements
@@ -65,7 +66,7 @@ FREQUENCY = KINDS.index("frequency")
 class Unknown:
     """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``.
 
-    What its standard error is compared with is its ``size``, and that in words; inf where there is nothing. ``scale``
+    What its standard error is compared with is its ``size``, with its name; inf where there is nothing. ``scale``
     is a small change of it [its unit], for differences; ``least`` the least value it can have.
     """
 
@@ -94,78 +95,52 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
     Raises:
         InvalidInput: an unknown that this robot or these measurements do not have.
     """
-    cables, EA = range(robot.cables), robot.axial_stiffness
     axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
-    itself, platform = (1.0, "it"), (robot.characteristic_length, "the platform's size")
-    mean = float(np.exp(np.log(EA).mean()))
-    wheels = np.flatnonzero(robot.cabling.pulleys)
     seen = np.any(measurements.known, axis=0)
-
-    def cables_with(kind: str) -> list[int]:
-        return np.flatnonzero(seen[measurements.kinds == KINDS.index(kind)]).tolist()
-
-    def points(parameter: str) -> list[Unknown]:
-        return [
-            Unknown(f"{parameter[:-1]} {i + 1} {'xyz'[k]}", "m", parameter, (3 * i + k,),
-                    float(getattr(robot, parameter)[i, k]), size=platform, scale=1e-2)
-            for i in cables for k in axes
-        ]  # fmt: skip
-
-    def angle_zeros(wanted: Sequence[int]) -> list[Unknown]:
-        return [
-            Unknown(f"{('alpha', 'beta', 'yaw')[i]}_zero", "rad", "angle_zeros", (i,), 0.0)
-            for i in wanted if seen[3 + i]
-        ]  # fmt: skip
-
-    found: dict[str, list[Unknown]] = {
-        "axial_stiffness": [Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), mean, True, itself)],
-        "axial_stiffness_each": [
-            Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True, itself)
-            for i in cables
-        ],
-        "rest_length_offsets": [
-            Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, scale=1e-2) for i in cables
-        ],
-        "rest_length_gains": [
-            Unknown(f"rest_length_gain {i + 1}", "", "rest_length_gains", (i,), 1.0, size=itself, scale=1e-2)
-            for i in cables
-        ],
-        "mass": [Unknown("mass", "kg", "mass", (0,), robot.mass, True, itself)],
-        "center_of_mass": [
-            Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), at, size=platform, scale=1e-2)
-            for i, at in enumerate(robot.center_of_mass.tolist()) if i in axes
-        ],
-        "exits": points("exits"),
-        "anchors": points("anchors"),
-        "winch_to_exit": [
-            Unknown("winch_to_exit", "m", "winch_to_exit", tuple(cables),
-                    max(float(robot.winch_to_exit.mean()), SHORTEST), least=SHORTEST)
-        ],
-        "pulley_radius": [
-            Unknown("pulley_radius", "m", "pulley_radius", tuple(wheels.tolist()),
-                    float(robot.cabling.pulley_radius[wheels].mean()), True, itself)
-        ] if len(wheels) else [],
-        "linear_density": [
-            Unknown("linear_density", "kg/m", "linear_density", tuple(cables),
-                    float(robot.cabling.linear_density.mean()), scale=1e-2, least=0.0)
-        ],
-        "force_gains": [
-            Unknown(f"force_gain {i + 1}", "", "force_gains", (i,), 1.0, size=itself) for i in cables_with("tension")
-        ],
-        "force_offsets": [
-            Unknown(f"force_offset {i + 1}", "N", "force_offsets", (i,), 0.0) for i in cables_with("tension")
-        ],
-        "angle_zeros": angle_zeros((0, 1, 2)),
-        "yaw_zero": angle_zeros((2,)),
-        "swivel_zeros": [
-            Unknown(f"swivel_zero {i + 1}", "rad", "swivel_zeros", (i,), 0.0) for i in cables_with("swivel")
-        ],
-    }  # fmt: skip
+    positive = {"logarithmic": True, "size": (1.0, "it")}
+    place = {"size": (robot.characteristic_length, "the platform's size"), "scale": 1e-2}
+    all_cables = [("", tuple(range(robot.cables)))]
+    wheels = [("", tuple(np.flatnonzero(robot.cabling.pulleys).tolist()))] if robot.cabling.pulleys.any() else []
+    each = [(f" {i + 1}", (i,)) for i in range(robot.cables)]
+    points = [(f" {i + 1} {'xyz'[k]}", (3 * i + k,)) for i in range(robot.cables) for k in axes]
+    angles = [(name, (i,)) for i, name in enumerate(("alpha_zero", "beta_zero", "yaw_zero")) if seen[3 + i]]
+    cells, swivels = (
+        [each[i] for i in np.flatnonzero(seen[measurements.kinds == KINDS.index(kind)])]
+        for kind in ("tension", "swivel")
+    )
+    # Of each name: the unknowns' common name, their parameter, their units, their own names and columns, and the rest.
+    table: dict[str, tuple[str, str, str, list[tuple[str, tuple[int, ...]]], dict[str, Any]]] = {
+        "axial_stiffness": ("axial_stiffness", "axial_stiffness", "N", all_cables, positive),
+        "axial_stiffness_each": ("axial_stiffness", "axial_stiffness", "N", each, positive),
+        "rest_length_offsets": ("rest_length_offset", "rest_lengths", "m", each, {"scale": 1e-2}),
+        "rest_length_gains": ("rest_length_gain", "rest_length_gains", "", each, {"size": (1.0, "it"), "scale": 1e-2}),
+        "mass": ("mass", "mass", "kg", [("", (0,))], positive),
+        "center_of_mass": ("center_of_mass", "center_of_mass", "m", [(f" {'xyz'[i]}", (i,)) for i in axes], place),
+        "exits": ("exit", "exits", "m", points, place),
+        "anchors": ("anchor", "anchors", "m", points, place),
+        "winch_to_exit": ("winch_to_exit", "winch_to_exit", "m", all_cables, {"least": SHORTEST}),
+        "pulley_radius": ("pulley_radius", "pulley_radius", "m", wheels, positive),
+        "linear_density": ("linear_density", "linear_density", "kg/m", all_cables, {"scale": 1e-2, "least": 0.0}),
+        "force_gains": ("force_gain", "force_gains", "", cells, {"size": (1.0, "it")}),
+        "force_offsets": ("force_offset", "force_offsets", "N", cells, {}),
+        "angle_zeros": ("", "angle_zeros", "rad", angles, {}),
+        "yaw_zero": ("", "angle_zeros", "rad", [one for one in angles if one[0] == "yaw_zero"], {}),
+        "swivel_zeros": ("swivel_zero", "swivel_zeros", "rad", swivels, {}),
+    }
+    found: list[Unknown] = []
     for name in names:
-        if not found[name]:
+        common, parameter, unit, numbers, further = table[name]
+        if not numbers:
             lacking = "robot with pulleys" if name == "pulley_radius" else "measurement that depends on it"
             raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
-    return [one for name in names for one in found[name]]
+        for own, columns in numbers:
+            start = PERFECT.get(parameter)
+            if start is None:
+                values = np.ravel(getattr(robot, parameter))[list(columns)]
+                start = float(np.exp(np.log(values).mean()) if name == "axial_stiffness" else values.mean())
+            start = max(start, further.get("least", start))
+            found.append(Unknown(common + own, unit, parameter, columns, start, **further))
+    return found
 
 
 class IdentificationModel:
@@ -187,12 +162,9 @@ class IdentificationModel:
         self.robot, self.measurements, self.unknowns = robot, measurements, list(unknowns)
         self.positions = measurements.commanded[:, :3]
         self.rotations = Rotation.from_euler("xyz", measurements.commanded[:, 3:]).as_matrix()
-        poses = [
-            RigidTransform.from_components(position, Rotation.from_matrix(rotation))
-            for position, rotation in zip(self.positions, self.rotations, strict=True)
-        ]
-        given = measurements.rest_lengths
-        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if given is None else given
+        self.rest_lengths = measurements.rest_lengths
+        if self.rest_lengths is None:
+            self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in measurements.commanded])
         known = measurements.known
         self.errors = np.ones(known.shape) if errors is None else errors
         self.weights = np.ones(int(known.sum()))
@@ -220,7 +192,7 @@ class IdentificationModel:
             return
         cables = range(self.robot.cables)
         by_length = self._slopes_by(x, [Unknown(f"{i}", "m", "rest_lengths", (i,), 0.0) for i in cables])
-        by_length = by_length * self._of.get("rest_length_gains", 1.0)
+        by_length = by_length * self._of["rest_length_gains"]
         left, found = self.residuals(x), []
         corrections, effects = np.zeros_like(self.corrections), np.zeros(left.shape)
         for row, known in enumerate(self.measurements.known):
@@ -297,19 +269,15 @@ class IdentificationModel:
             if name not in PERFECT
         }
         given = self.rest_lengths + self.corrections
-        rest = self._of.get("rest_length_gains", 1.0) * given + self._of.get("rest_lengths", 0.0)
-        return self.robot.replace(**new), rest
+        return self.robot.replace(**new), self._of["rest_length_gains"] * given + self._of["rest_lengths"]
 
     def _values(self, x: Float[np.ndarray, " unknowns"]) -> None:
         """Whole parameters with the unknowns at ``x``, by name."""
-        self._of: dict[str, np.ndarray] = {}
+        sizes = dict.fromkeys(PERFECT, self.robot.cables) | {"angle_zeros": 3}
+        self._of = {name: np.full(sizes[name], value) for name, value in PERFECT.items()}
         for one, coordinate in zip(self.unknowns, x, strict=True):
             if one.parameter not in self._of:
-                if one.parameter in PERFECT:
-                    count = 3 if one.parameter == "angle_zeros" else self.robot.cables
-                    self._of[one.parameter] = np.full(count, PERFECT[one.parameter])
-                else:
-                    self._of[one.parameter] = np.array(getattr(self.robot, one.parameter), dtype=float, ndmin=1)
+                self._of[one.parameter] = np.array(getattr(self.robot, one.parameter), dtype=float, ndmin=1)
             self._of[one.parameter].flat[list(one.columns)] = one.value(coordinate)
 
     def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
@@ -341,12 +309,12 @@ class IdentificationModel:
         """What the sensors show in the equilibria at ``x``; the columns of ``Measurements.values``."""
         self.solve(x)
         solved, data = self.solved, self.measurements
-        parts = [solved.positions, solved.euler + self._of.get("angle_zeros", 0.0)]
+        parts = [solved.positions, solved.euler + self._of["angle_zeros"]]
         if data.tensions is not None:
-            parts.append(self._of.get("force_gains", 1.0) * solved.tensions + self._of.get("force_offsets", 0.0))
+            parts.append(self._of["force_gains"] * solved.tensions + self._of["force_offsets"])
         if data.swivels is not None:
             angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
-            parts.append(angles + self._of.get("swivel_zeros", 0.0))
+            parts.append(angles + self._of["swivel_zeros"])
         if data.frequencies is not None:
             states = map(forces.at, solved.problems, solved.positions, solved.rotations)
             parts.append(np.array([modes_of(state)[0][: data.frequencies.shape[1]] for state in states]))
@@ -365,7 +333,8 @@ class IdentificationModel:
         """Derivative of ``residuals`` by the fit's coordinates; the last one is kept."""
         if self._slopes is not None and np.array_equal(self._slopes[0], x):
             return self._slopes[1]
-        found = self._slopes_by(x, self.unknowns)
+        scales = [one.value(at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
+        found = self._slopes_by(x, self.unknowns) * np.array(scales)
         frequencies = self.measurements.kinds == FREQUENCY
         for k, one in enumerate(self.unknowns):
             if one.parameter in DIFFERENCED:
@@ -389,83 +358,58 @@ class IdentificationModel:
         self.solve(x)
         data, free, cables = self.measurements, self.now.free, self.now.cables
         state = forces.at(self.solved.problems, self.solved.positions, self.solved.rotations)
-        names, given = [_parameter(one) for one in unknowns], self.rest_lengths + self.corrections
-        by_parameter = _in_place_of_gains(derivatives.wrench_by_parameter(state, names), unknowns, given)
-        if data.masses is not None and "mass" in by_parameter:
-            by_parameter["mass"] = np.where(np.isnan(data.masses)[:, None, None], by_parameter["mass"], 0.0)
+        changes = self._changes(unknowns)
+        wrench, tensions = derivatives.along_changes(state, changes)
         slope = derivatives.wrench_slope(state)[..., free, :][..., free]
         rows = len(self.positions)
-        wrench, step = _sums(by_parameter, unknowns, rows, 6), np.zeros((rows, 6, len(unknowns)))
+        step = np.zeros((rows, 6, len(unknowns)))
         # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
         for row in range(rows):
             step[row, free] = -np.linalg.lstsq(slope[row], wrench[row, free], rcond=1e-12)[0]
         parts = [step[:, :3], _angle_rates(self.solved.euler) @ step[:, 3:]]
         if data.tensions is not None:
-            direct = _in_place_of_gains(derivatives.tension_by_parameter(state, names), unknowns, given)
-            by = _sums(direct, unknowns, rows, cables) + derivatives.tension_by_pose(state) @ step
-            parts.append(self._of.get("force_gains", np.ones(cables))[:, None] * by)
+            by = tensions + derivatives.tension_by_pose(state) @ step
+            parts.append(self._of["force_gains"][:, None] * by)
         if data.swivels is not None:
             _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
             moved = step[:, None, :3] - forces.cross_matrix(state.geometry.arms) @ step[:, None, 3:]
-            by = (turning[..., None, :] @ (moved + _points(unknowns, cables, state.rotation)))[..., 0, :]
+            if "anchors" in changes:
+                moved = moved + state.rotation[:, None] @ changes["anchors"].reshape(rows, cables, 3, -1)
+            if "exits" in changes:
+                moved = moved - changes["exits"].reshape(rows, cables, 3, -1)
+            by = (turning[..., None, :] @ moved)[..., 0, :]
             parts.append(np.where(self.now.cabling.pulleys[:, None], by, 0.0))
         if data.frequencies is not None:
             parts.append(np.zeros((rows, data.frequencies.shape[1], len(unknowns))))
         result = np.concatenate(parts, axis=1)
         for k, one in enumerate(unknowns):
             if one.parameter in SENSORS:
-                result[:, :, k] = self._sensor_slope(one)
-        scale = [one.value(at) if one.logarithmic else 1.0 for one, at in zip(unknowns, x, strict=True)] if (
-            unknowns is self.unknowns) else 1.0  # fmt: skip
-        return result * np.array(scale)
+                columns = np.flatnonzero(data.kinds == KINDS.index(SENSORS[one.parameter]))[list(one.columns)]
+                shown = self.solved.tensions[:, list(one.columns)] if one.parameter == "force_gains" else 1.0
+                result[:, columns, k] = shown
+        return result
 
-    def _sensor_slope(self, one: Unknown) -> Float[np.ndarray, "rows numbers"]:
-        """Derivative of what sensors show by a number of a sensor."""
-        kind = KINDS.index(SENSORS[one.parameter])
-        found = np.zeros(self.measurements.values.shape)
-        columns = np.flatnonzero(self.measurements.kinds == kind)[list(one.columns)]
-        found[:, columns] = self.solved.tensions[:, list(one.columns)] if one.parameter == "force_gains" else 1.0
-        return found
+    def _changes(self, unknowns: Sequence[Unknown]) -> dict[str, Float[np.ndarray, "rows parameters unknowns"]]:
+        """Derivatives of the parameters of the equilibria by these unknowns, of all that have exact ones."""
+        changes: dict[str, np.ndarray] = {"rest_lengths": np.zeros((*self.rest_lengths.shape, len(unknowns)))}
+        for k, one in enumerate(unknowns):
+            if one.parameter in SENSORS or one.parameter in DIFFERENCED:
+                continue
+            gain = one.parameter == "rest_length_gains"
+            name, columns = "rest_lengths" if gain else one.parameter, list(one.columns)
+            if name not in changes:
+                changes[name] = np.zeros((len(self.positions), np.size(getattr(self.robot, name)), len(unknowns)))
+            by = changes[name]
+            by[:, columns, k] = (self.rest_lengths + self.corrections)[:, columns] if gain else 1.0
+            if name == "mass" and self.measurements.masses is not None:
+                by *= np.isnan(self.measurements.masses)[:, None, None]
+        return changes
 
 
 SENSORS = {
     "force_gains": "tension", "force_offsets": "tension", "angle_zeros": "rotation", "swivel_zeros": "swivel"
 }  # fmt: skip
 """Parameters of sensors, and what these measure."""
-
-
-def _parameter(one: Unknown) -> str:
-    return "rest_lengths" if one.parameter == "rest_length_gains" else one.parameter
-
-
-def _in_place_of_gains(
-    by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], rest: Float[np.ndarray, "rows cables"]
-) -> dict[str, np.ndarray]:
-    """With derivatives by the gains of rest lengths as well: those by the lengths, times the given lengths."""
-    if any(one.parameter == "rest_length_gains" for one in unknowns):
-        return by_parameter | {"rest_length_gains": by_parameter["rest_lengths"] * rest[:, None]}
-    return by_parameter
-
-
-def _sums(by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], *shape: int) -> np.ndarray:
-    """Derivatives by each unknown, (rows, count, unknowns): the sum of its columns; 0 where there are none."""
-    found = np.zeros((*shape, len(unknowns)))
-    for column, one in enumerate(unknowns):
-        if one.parameter in by_parameter:
-            found[..., column] = by_parameter[one.parameter][..., list(one.columns)].sum(-1)
-    return found
-
-
-def _points(
-    unknowns: Sequence[Unknown], cables: int, rotations: Float[np.ndarray, "rows 3 3"]
-) -> Float[np.ndarray, "rows cables 3 unknowns"]:
-    """How far each unknown moves each anchor from its exit, base frame, with the platform at rest."""
-    found = np.zeros((len(rotations), cables, 3, len(unknowns)))
-    for column, one in enumerate(unknowns):
-        for index in one.columns if one.parameter in ("exits", "anchors") else ():
-            cable, axis = divmod(index, 3)
-            found[:, cable, :, column] += rotations[:, :, axis] if one.parameter == "anchors" else -np.eye(3)[axis]
-    return found
 
 
 def _angle_rates(angles: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "rows 3 3"]:

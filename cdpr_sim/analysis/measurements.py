@@ -56,6 +56,13 @@ LARGEST_FILE = 50_000_000
 
 _HEADER = re.compile(r"^(?P<name>[a-z_0-9]+)\s*(\[(?P<unit>[^\]]+)\])?$")
 _NUMBERED = re.compile(r"^(?P<kind>rest_length|tension|swivel|frequency)_(?P<number>[1-9]\d{0,3})$")
+_COLUMNS = {
+    r"commanded_[xyz]": LENGTHS, r"measured_[xyz](_error)?": LENGTHS, r"rest_length_[1-9]\d{0,3}(_error)?": LENGTHS,
+    r"commanded_(alpha|beta|gamma)": ANGLES, r"measured_(alpha|beta|gamma)(_error)?": ANGLES,
+    r"swivel_[1-9]\d{0,3}(_error)?": ANGLES, r"tension_[1-9]\d{0,3}(_error)?": FORCES, r"force_[xyz]": FORCES,
+    r"torque_[xyz]": TORQUES, r"mass": MASSES, r"frequency_[1-9]\d{0,3}(_error)?": FREQUENCIES,
+}  # fmt: skip
+"""Patterns of the columns' names, and their units; ``robot`` has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -430,39 +437,23 @@ def _numbered(path: Path, kind: str, values: Mapping[str, np.ndarray], count: in
 
 def _column(path: Path, cell: str) -> tuple[str, float]:
     """A column's name, and its unit in SI units."""
-    known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES]
-    known += ["rest_length_1", "tension_1", "swivel_1", "frequency_1", "mass", *WRENCH, "robot"]
     found = _HEADER.match(cell.strip())
     name = found["name"] if found else cell.strip()
-    of = name.removesuffix("_error")
-    match = _NUMBERED.match(of)
-    if of != name and not (match or of.startswith("measured_")):
-        of = name  # an error of what is not measured
-    if not found or (of not in known and not match):
+    if name == "robot":
+        return name, 1.0
+    units = next((units for pattern, units in _COLUMNS.items() if re.fullmatch(pattern, name)), None)
+    if not found or units is None:
+        known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES]
+        known += ["rest_length_1", "tension_1", "swivel_1", "frequency_1", "mass", *WRENCH, "robot"]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InvalidInput(f"{path}: unknown column {cell.strip()!r}: {hint}known: {', '.join(known)}")
-    if name == "robot":
-        return name, 1.0
-    units = _units(match["kind"] if match else of)
     if found["unit"] is None or found["unit"].strip() not in units:
         unit = "no unit" if found["unit"] is None else f"unit {found['unit']!r}"
         raise InvalidInput(
             f"{path}: column {name!r}: found {unit}, expected one of {', '.join(units)}, as '{name} [..]'"
         )
     return name, units[found["unit"].strip()]
-
-
-def _units(kind: str) -> Mapping[str, float]:
-    """Units of a column, by their symbols."""
-    if kind.endswith(("alpha", "beta", "gamma", "swivel")):
-        return ANGLES
-    for start, units in {
-        "tension": FORCES, "force": FORCES, "torque": TORQUES, "mass": MASSES, "frequency": FREQUENCIES
-    }.items():  # fmt: skip
-        if kind.startswith(start):
-            return units
-    return LENGTHS
 
 
 def _values(

@@ -99,7 +99,7 @@ class Sensitivity(HtmlRepr):
                 step = self.pose[parameter][:, index] * size
                 found.append(
                     Effect(
-                        name=_name(parameter, index),
+                        name=name_of(parameter, index),
                         parameter=parameter,
                         index=index,
                         per=per,
@@ -179,12 +179,12 @@ _NAMES = {
     "exits": "exit {row} {axis}", "anchors": "anchor {row} {axis}", "rest_lengths": "rest length {number}",
     "axial_stiffness": "EA of cable {number}", "mass": "mass", "center_of_mass": "centre of mass {axis}",
     "pulley_radius": "pulley radius {number}", "winch_to_exit": "winch to exit {number}",
-    "linear_density": "mass per length of cable {number}", "stiffening": "a{coefficient} of cable {pair}",
+    "linear_density": "linear density of cable {number}", "stiffening": "a{coefficient} of cable {pair}",
     "external_wrench": "{load} {axis}",
 }  # fmt: skip
 
 
-def _name(parameter: str, index: int) -> str:
+def name_of(parameter: str, index: int) -> str:
     """The name of a number, such as "exit 3 z"."""
     return _NAMES[parameter].format(
         number=index + 1, row=index // 3 + 1, axis="xyz"[index % 3], pair=index // 2 + 1, coefficient=index % 2 + 2,

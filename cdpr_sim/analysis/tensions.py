@@ -96,8 +96,10 @@ def smallest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
         tensions = _least_norm(demand, gains, least)
         if tensions is None:
             return None
+        if not np.isfinite(floor):
+            return tensions
         value, direction = demand.softest(tensions)
-        if value >= floor - GAP * abs(floor) or not np.isfinite(floor):
+        if value >= floor - GAP * abs(floor):
             return tensions
         gain, constant = demand.cut(direction)
         gains.append(gain)

@@ -163,7 +163,8 @@ def _settle_along(
     robot: cdpr.Robot, poses: RigidTransform, pretension: float | None, load: list[float] | None, as_json: bool
 ) -> NoReturn:
     """``settle`` at each pose of a path."""
-    from cdpr_sim.crosscheck.check import both, compare_many
+    from cdpr_sim.crosscheck.check import both
+    from cdpr_sim.crosscheck.compare import compare_many
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
 
@@ -173,12 +174,13 @@ def _settle_along(
     problems = cdpr.Problems.of(robot, poses, lengths, load)
     with busy("Solving and settling"):
         solved, settled = both(problems, path=bool(robot.cabling.has_memory.any()))
-        errors, agree = compare_many(solved, settled)
+        compared = compare_many(solved, settled)
+        agree = compared.agrees
     if as_json:
         print_json(json_of.path(solved, settled, agree))
     else:
         verdict = f"The methods agree at {int(agree.sum())} of {len(agree)} poses."
-        print_parts(report.path_table(settled, errors, agree), verdict)
+        print_parts(report.path_table(settled, compared.errors, agree), verdict)
     raise typer.Exit(0 if agree.all() else DISAGREE)
 
 

@@ -39,7 +39,7 @@ class HeldTensions:
 
     robot: Robot
     tension_limits: Limits | None = None
-    _course: Reference = field(init=False, repr=False)
+    _reference: Reference = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         checked_limits(self.robot, self.tension_limits)
@@ -50,7 +50,7 @@ class HeldTensions:
         Returns:
             (cables,) rest lengths [m].
         """
-        self._course = reference
+        self._reference = reference
         return compensate(
             without_memory(self.robot), reference.pose(0.0), tension_limits=self.tension_limits
         ).rest_lengths
@@ -63,7 +63,7 @@ class HeldTensions:
         """
         robot = self.robot
         rotation, free, units = pose.rotation.as_matrix(), robot.free, robot.units
-        inertia = -robot.mass * self._course.acceleration(time)
+        inertia = -robot.mass * self._reference.acceleration(time)
         problem = Problem.of(
             robot, pose, external_wrench=[*inertia, *np.cross(rotation @ robot.center_of_mass, inertia)]
         )

@@ -36,10 +36,10 @@ class PoseFeedback:
 
     inner: Controller
     gain: float = GAIN
-    _course: Reference = field(init=False, repr=False)
+    _reference: Reference = field(init=False, repr=False)
     _correction: Float[np.ndarray, "6"] = field(init=False, repr=False)
-    _seen: float = field(init=False, repr=False)
-    _told: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
+    _sampled: float = field(init=False, repr=False)
+    _poses: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         refuse_unless(Controller, inner=self.inner)
@@ -51,7 +51,7 @@ class PoseFeedback:
         Returns:
             (cables,) rest lengths [m] of the inner controller.
         """
-        self._course, self._correction, self._seen, self._told = reference, np.zeros(6), 0.0, deque()
+        self._reference, self._correction, self._sampled, self._poses = reference, np.zeros(6), 0.0, deque()
         return self.inner.start(reference)
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command | ArrayLike:
@@ -60,20 +60,18 @@ class PoseFeedback:
         Returns:
             The inner controller's command.
         """
-        self._told.append((time, pose))
-        if measurement.time > self._seen:
-            wanted = self._wanted(measurement.time)
+        self._poses.append((time, pose))
+        if measurement.time > self._sampled:
+            while self._poses[0][0] < measurement.time:
+                self._poses.popleft()
+            sampled, wanted = self._poses[0]  # usually, a sample was taken at the time of a command
+            if sampled != measurement.time:
+                wanted = self._reference.pose(measurement.time)
             turn = (wanted.rotation * measurement.pose.rotation.inv()).as_rotvec()
             error = np.concatenate([wanted.translation - measurement.pose.translation, turn])
-            self._correction += self.gain * (measurement.time - self._seen) * error
+            self._correction += self.gain * (measurement.time - self._sampled) * error
             for part, most in ((slice(0, 3), REACH), (slice(3, 6), TURN)):
                 size = float(np.linalg.norm(self._correction[part]))
                 self._correction[part] *= min(1.0, most / size) if size > 0 else 1.0
-            self._seen = measurement.time
+            self._sampled = measurement.time
         return self.inner.command(time, moved(pose, self._correction), measurement)
-
-    def _wanted(self, time: float) -> RigidTransform:
-        """Reference pose at ``time`` [s], usually the one that was passed to ``command`` then."""
-        while self._told[0][0] < time:
-            self._told.popleft()
-        return self._told[0][1] if self._told[0][0] == time else self._course.pose(time)

@@ -7,10 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
-
-if TYPE_CHECKING:
-    import numpy as np
+from typing import Any, ClassVar
 
 
 @dataclass(frozen=True)
@@ -40,21 +37,7 @@ class Quantity:
         return attrs
 
 
-class Settled(NamedTuple):
-    """Equilibria by MuJoCo, compared with those of statics.
-
-    Attributes:
-        quantities: the variables, by name.
-        compute: their values for ``Problems`` of any shape, by name; a function that other processes can import.
-        most: largest number of poses that should be computed at once.
-    """
-
-    quantities: Mapping[str, Quantity]
-    compute: Callable[[Any], dict[str, np.ndarray]]
-    most: int
-
-
 class BySimulation:
-    """The answer of ``crosscheck.settled_quantities``, which this folder must not import."""
+    """Returns the module ``crosscheck.settled_quantities``, which this folder must not import."""
 
-    settled: ClassVar[Callable[..., Settled]]
+    settled: ClassVar[Callable[..., Any]]

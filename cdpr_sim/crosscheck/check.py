@@ -1,7 +1,6 @@
 """Comparison over a whole workspace: every pose of a grid settled in MuJoCo and compared with the static solver.
 
-The criteria are those of ``compare``, applied to thousands of rows at once; rows without plain agreement are passed to
-``compare`` itself.
+The criteria are those of ``compare``, applied to thousands of rows at once.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Int8
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -25,17 +24,16 @@ from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.pose import PoseLike, angle_between, poses_of
+from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problems, refuse_wrench_out_of_plane
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.crosscheck import compare
-from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.physics.settle import residuals_of, settle_many
+from cdpr_sim.core.sweep_quantities import Quantity
+from cdpr_sim.crosscheck.compare import Comparison, Verdict, compare_many, has_memory
+from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.physics.settle_path import settle_path
 from cdpr_sim.proof import certificate as proof
-from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
 from cdpr_sim.statics.solve_path import solve_path
 
@@ -183,14 +181,13 @@ def check(
     else:
         rows, matrices = stack.translation, stack.rotation.as_matrix()
         places = {name: ("pose", column) for name, column in zip(grids.AXES, rows.T, strict=True)}
-    columns: list[dict[str, np.ndarray]] = []
+    parts: list[dict[str, np.ndarray]] = []
     disagreements: list[Disagreement] = []
     with bar("check", len(group) * len(labels) * len(rows), show=progress) as advance:
         for robot in group:
             for label, stiffness in zip(labels, np.atleast_2d(stiffnesses[robot.name]), strict=True):
                 variant = robot.replace(axial_stiffness=stiffness)
-                parts = []
-                path = stack is not None and compare.has_memory(variant)  # one after another
+                path = stack is not None and has_memory(variant)  # one after another
                 together = len(rows) if path else ROWS
                 for first in range(0, len(rows), together):
                     part = slice(first, first + together)
@@ -199,15 +196,14 @@ def check(
                     parts.append(values)
                     disagreements += found
                     advance(len(problems))
-                columns.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     if materials is None:
         sizes, names = {"robot": len(group)}, ("robot", [cables_name(robot) for robot in group])
     else:
         sizes, names = {"robot": len(group), "material": len(labels)}, ("material", labels)
     dataset = xr.Dataset(
         {
-            name: ((*sizes, *axes), np.array([c[name] for c in columns]).reshape(*sizes.values(), *shape))
-            for name in columns[0]
+            name: ((*sizes, *axes), np.concatenate([part[name] for part in parts]).reshape(*sizes.values(), *shape))
+            for name in parts[0]
         },
         coords={
             "robot": [robot.name for robot in group],
@@ -219,30 +215,40 @@ def check(
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )
     for name in dataset.data_vars:
-        units, meaning = MEANINGS[str(name)]
-        dataset[name].attrs = {"units": units, "long_name": meaning}
-    dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
+        dataset[name].attrs = QUANTITIES[str(name)].attrs
     return Check(dataset, tuple(disagreements))
 
 
-MEANINGS = {
-    "outcome": ("1", "outcome of the comparison of MuJoCo with statics"),
-    "position_error": ("m", "distance between the platform's origins"),
-    "rotation_error": ("rad", "angle between the platforms"),
-    "tension_error": ("N", "largest difference in a cable"),
-    "static_in_mujoco": ("N", "residual of MuJoCo at the static pose"),
-    "settled_in_statics": ("N", "residual of statics at the settled pose"),
-    "proved": ("1", "whether the equilibria of both methods are proved"),
-}
-COMPARED = [name for name in MEANINGS if name not in ("outcome", "proved")]
+QUANTITIES = {
+    "outcome": Quantity(
+        (), np.int8, "1", "outcome of the comparison of MuJoCo with statics", dict(enumerate(OUTCOMES))
+    ),
+    "position_error": Quantity((), float, "m", "distance between the platform's origins"),
+    "rotation_error": Quantity((), float, "rad", "angle between the platforms"),
+    "tension_error": Quantity((), float, "N", "largest difference in a cable"),
+    "static_in_mujoco": Quantity((), float, "N", "residual of MuJoCo at the static pose"),
+    "settled_in_statics": Quantity((), float, "N", "residual of statics at the settled pose"),
+    "proved": Quantity((), bool, "1", "whether the equilibria of both methods are proved"),
+}  # fmt: skip
+COMPARED = [name for name in QUANTITIES if name not in ("outcome", "proved")]
 
 
 def _check_rows(
     problems: Problems, material: str, threads: int, certify: bool, path: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``MEANINGS`` of each problem, and the disagreements."""
+    """The columns of ``QUANTITIES`` of each problem, and the disagreements."""
     solved, settled = both(problems, threads=threads, path=path)
-    values, disagreements = compared(solved, settled, material, threads=threads)
+    comparison = compare_many(solved, settled, threads=threads)
+    values = {"outcome": outcomes_of(comparison), **comparison.errors}
+    disagreements = []
+    for row in np.flatnonzero(~np.isin(values["outcome"], [*AGREEING, REFUSED])).tolist():
+        if comparison.verdicts[row]:
+            reasons = comparison.agreement(row).reasons
+        else:
+            status = (settled if solved.converged[row] else solved).status[row]
+            reasons = (Status(int(status)).sentence,)
+        position, outcome = tuple(problems.positions[row].tolist()), OUTCOMES[values["outcome"][row]]
+        disagreements.append(Disagreement(problems.robot.name, material, position, outcome, reasons))
     if certify:
         values["proved"] = np.array(
             [
@@ -253,31 +259,14 @@ def _check_rows(
     return values, disagreements
 
 
-def compared(
-    solved: EquilibriumBatch, settled: EquilibriumBatch, material: str, *, threads: int = 0
-) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``MEANINGS`` but the proof, (rows,) each, and the disagreements.
-
-    Args:
-        solved: static equilibria, (rows,).
-        settled: the same problems by MuJoCo.
-        material: name of the cables, for the disagreements.
-        threads: for MuJoCo; 0 for one per processor.
-    """
-    problems = solved.problems
-    values, agree = compare_many(solved, settled, threads=threads)
-    refused = problems.refusals != Status.PENDING
-    outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
-    disagreements: list[Disagreement] = []
-    neutral = _neutral(solved, settled, values, ~agree & ~refused)
-    outcome[neutral] = OUTCOMES.index(Verdict.AGREE_EXCEPT_NEUTRAL.name.lower())
-    for row in np.flatnonzero(~agree & ~refused & ~neutral):
-        name, reasons = _outcome(solved, settled, int(row))
-        outcome[row] = OUTCOMES.index(name)
-        if outcome[row] not in AGREEING:
-            x, y, z = (float(value) for value in problems.positions[row])
-            disagreements.append(Disagreement(problems.robot.name, material, (x, y, z), name, reasons))
-    return {"outcome": outcome, **values}, disagreements
+def outcomes_of(comparison: Comparison) -> Int8[np.ndarray, " rows"]:
+    """Index into ``OUTCOMES`` of each row."""
+    names = [
+        verdict.name.lower() if verdict else "unsettled" if known else "unsolved"
+        for verdict, known in zip(comparison.verdicts, comparison.solved.converged, strict=True)
+    ]
+    refused = comparison.solved.problems.refusals != Status.PENDING
+    return np.where(refused, REFUSED, [OUTCOMES.index(name) for name in names]).astype(np.int8)
 
 
 def both(problems: Problems, *, threads: int = 0, path: bool = False) -> tuple[EquilibriumBatch, EquilibriumBatch]:
@@ -291,76 +280,3 @@ def both(problems: Problems, *, threads: int = 0, path: bool = False) -> tuple[E
     if path:
         return solve_path(problems), settle_path(problems, threads=threads)
     return solve_many(problems), settle_many(problems, threads=threads)
-
-
-def compare_many(
-    solved: EquilibriumBatch, settled: EquilibriumBatch, *, threads: int = 0
-) -> tuple[dict[str, np.ndarray], Bool[np.ndarray, " rows"]]:
-    """Errors and cross residuals of ``Agreement``, (rows,) each, and in which rows all are within tolerance.
-
-    Args:
-        solved: static equilibria, (rows,).
-        settled: the same problems by MuJoCo.
-        threads: for MuJoCo; 0 for one per processor.
-    """
-    columns = {name: np.full(len(solved), np.nan) for name in COMPARED}
-    within = np.zeros(len(solved), dtype=bool)
-    rows = np.flatnonzero(solved.converged & settled.converged)
-    if not rows.size:
-        return columns, within
-    problems = solved.problems.take(rows)
-    static, at_rest = ((equilibria.positions[rows], equilibria.rotations[rows]) for equilibria in (solved, settled))
-    errors = {
-        "position_error": np.linalg.norm(static[0] - at_rest[0], axis=-1),
-        "rotation_error": angle_between(static[1], at_rest[1]),
-        "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
-    }
-    if not compare.has_memory(problems.robot):
-        errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
-        errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
-    tolerances = _tolerances(problems)
-    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
-    within &= ~compare.slack_differs(solved, settled).any(-1)
-    for name, column in errors.items():
-        columns[name][rows] = column
-    return columns, within
-
-
-def _tolerances(problems: Problems) -> dict[str, float | Float[np.ndarray, " rows"]]:
-    """Of the errors and cross residuals, by name."""
-    cross = compare.CROSS_TOLERANCE * problems.force_scale
-    return {
-        "position_error": compare.POSITION_TOLERANCE,
-        "rotation_error": compare.ROTATION_TOLERANCE,
-        "tension_error": compare.TENSION_TOLERANCE,
-        "static_in_mujoco": cross,
-        "settled_in_statics": cross,
-    }
-
-
-def _neutral(
-    solved: EquilibriumBatch,
-    settled: EquilibriumBatch,
-    columns: dict[str, np.ndarray],
-    asked: Bool[np.ndarray, " rows"],
-) -> Bool[np.ndarray, " rows"]:
-    """Where the methods agree except along directions in which the platform is neutrally stable, as by ``compare``."""
-    neutral = np.zeros(len(solved), dtype=bool)
-    if not asked.any() or compare.has_memory(solved.problems.robot):
-        return neutral
-    tolerances, apart = _tolerances(solved.problems), ("position_error", "rotation_error")
-    same = [columns[name] <= tolerance for name, tolerance in tolerances.items() if name not in apart]
-    rows = np.flatnonzero(asked & np.all(same, axis=0) & ~compare.slack_differs(solved, settled).any(-1))
-    if rows.size:
-        poses = (poses_of(one.positions[rows], one.rotations[rows]) for one in (solved, settled))
-        neutral[rows] = compare.connected(solved.problems.take(rows), *poses)
-    return neutral
-
-
-def _outcome(solved: EquilibriumBatch, settled: EquilibriumBatch, row: int) -> tuple[str, tuple[str, ...]]:
-    """Name and reasons of an outcome other than plain agreement."""
-    for name, equilibria in (("unsolved", solved), ("unsettled", settled)):
-        if not equilibria.converged[row]:
-            return name, (Status(int(equilibria.status[row])).sentence,)
-    result = compare.compare(solved[row], settled[row])
-    return result.verdict.name.lower(), result.reasons

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import positive, refuse_unless
@@ -14,10 +16,11 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.pose import angle_between
+from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.settle import residual_of
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.settle import residuals_of
 from cdpr_sim.statics import forces
 
 POSITION_TOLERANCE = 1e-6
@@ -38,6 +41,17 @@ CROSS_TOLERANCE = 1e-5
 REST_LENGTH_TOLERANCE = 1e-7
 """[m] A cable this close to its rest length counts as taut or slack, as in the other method."""
 
+BEYOND = {
+    "position_error": "position differs by {:.1e} m (tolerance {:.0e})",
+    "rotation_error": "rotation differs by {:.1e} rad (tolerance {:.0e})",
+    "tension_error": "tension differs by {:.1e} N (tolerance {:.0e})",
+    "static_in_mujoco": "MuJoCo at the static pose has a residual of {:.1e} N (tolerance {:.0e})",
+    "settled_in_statics": "statics at the settled pose has a residual of {:.1e} N (tolerance {:.0e})",
+}
+"""Errors and cross residuals of ``Agreement``, and the reason where one is beyond its tolerance."""
+
+CROSS = ("static_in_mujoco", "settled_in_statics")
+"""The cross residuals."""
 
 LEVEL = 1e-8
 """Tolerance of equal energies between two equilibria of a continuum, as a fraction of load times characteristic length:
@@ -51,6 +65,9 @@ class Verdict(enum.Enum):
     AGREE_EXCEPT_NEUTRAL = "the two methods agree except along directions in which the platform is neutrally stable"
     DIFFERENT_EQUILIBRIA = "the two methods found different equilibria, each confirmed by the other method"
     DISAGREE = "the two methods disagree"
+
+
+AGREEING = (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL)
 
 
 @dataclass(frozen=True)
@@ -81,7 +98,7 @@ class Agreement(HtmlRepr):
     @property
     def agrees(self) -> bool:
         """Whether the two methods agree."""
-        return self.verdict in (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL)
+        return self.verdict in AGREEING
 
     def __repr__(self) -> str:
         return (
@@ -115,62 +132,116 @@ def compare(
         InvalidInput: equilibria of different problems, or a tolerance that is not above 0.
     """
     refuse_unless(Equilibrium, static=static, settled=settled)
-    position_tolerance = positive("position_tolerance", position_tolerance, "m")
-    rotation_tolerance = positive("rotation_tolerance", rotation_tolerance, "rad")
-    tension_tolerance = positive("tension_tolerance", tension_tolerance, "N")
-    problem = static.problem
-    if not problem.same_as(settled.problem):
-        raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
-    differences = {
-        "position": (np.linalg.norm(static.position - settled.position), position_tolerance, "m"),
-        "rotation": (angle_between(static.rotation_matrix, settled.rotation_matrix), rotation_tolerance, "rad"),
-        "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
+    tolerances = {
+        "position_error": positive("position_tolerance", position_tolerance, "m"),
+        "rotation_error": positive("rotation_tolerance", rotation_tolerance, "rad"),
+        "tension_error": positive("tension_tolerance", tension_tolerance, "N"),
     }
-    cross = dict.fromkeys(("MuJoCo at the static pose", "statics at the settled pose"), float("nan"))
-    if not has_memory(problem.robot):
-        at = settled.position, settled.rotation_matrix
-        cross = dict(
-            zip(cross, (residual_of(problem, static.at), float(forces.at(problem, *at).residual)), strict=True)
-        )
-    other_slack = slack_differs(static, settled)
+    if not static.problem.same_as(settled.problem):
+        raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
+    return compare_many(_as_batch(static), _as_batch(settled), tolerances=tolerances, threads=1).agreement(0)
 
-    deviations = [
-        f"{name} differs by {error:.1e} {unit} (tolerance {tolerance:.0e})"
-        for name, (error, tolerance, unit) in differences.items()
-        if not error <= tolerance
-    ]
-    if other_slack.any():
-        cables = ", ".join(str(i + 1) for i in np.flatnonzero(other_slack))
-        deviations.append(f"cable {cables} is slack by one method only")
-    unbalanced = [
-        f"{where} has a residual of {force:.1e} N (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
-        for where, force in cross.items()
-        if not (has_memory(problem.robot) or force <= CROSS_TOLERANCE * problem.force_scale)
-    ]
-    if unbalanced or (deviations and has_memory(problem.robot)):
-        verdict = Verdict.DISAGREE
-    elif not deviations:
-        verdict = Verdict.AGREE
-    elif not other_slack.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
-        verdict = Verdict.AGREE_EXCEPT_NEUTRAL
-        deviations.append("the energy is constant between the two poses: the platform is neutrally stable")
-    else:
-        verdict = Verdict.DIFFERENT_EQUILIBRIA
-        deviations += [
-            f"the equilibrium by {one.source} is {one.stability.name.lower()}"
-            for one in (static, settled)
-            if not one.stable
+
+def _as_batch(one: Equilibrium) -> EquilibriumBatch:
+    return EquilibriumBatch(
+        Problems.stack([one.problem]), one.position[None], one.rotation_matrix[None], one.lengths[None],
+        one.tensions[None], np.array([one.residual]), np.array([one.iterations]), np.array([Status.CONVERGED]),
+        one.source, lambda _: one.eigenvalues[None],
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Comparison of static and simulated equilibria, row by row.
+
+    Attributes:
+        solved: static equilibria, (rows,).
+        settled: the same problems by MuJoCo.
+        errors: errors and cross residuals of ``Agreement``, (rows,) each; nan without equilibria of both methods.
+        tolerances: of those that count, a number or (rows,) each.
+        other_slack: which cables are slack by one method only, (rows, cables).
+        verdicts: (rows,) a ``Verdict`` each; None without equilibria of both methods.
+    """
+
+    solved: EquilibriumBatch
+    settled: EquilibriumBatch
+    errors: dict[str, Float[np.ndarray, " rows"]]
+    tolerances: dict[str, float | Float[np.ndarray, " rows"]]
+    other_slack: Bool[np.ndarray, "rows cables"]
+    verdicts: np.ndarray
+
+    @property
+    def agrees(self) -> Bool[np.ndarray, " rows"]:
+        """Whether the two methods agree, as ``Agreement.agrees``."""
+        return np.array([verdict in AGREEING for verdict in self.verdicts])
+
+    def agreement(self, row: int) -> Agreement:
+        """The comparison of one row, with its reasons; both methods must have an equilibrium there."""
+        verdict, other_slack = self.verdicts[row], self.other_slack[row]
+        errors = {name: float(column[row]) for name, column in self.errors.items()}
+        limits = {name: np.broadcast_to(one, len(self.verdicts))[row] for name, one in self.tolerances.items()}
+        reasons = [
+            BEYOND[name].format(errors[name], limit) for name, limit in limits.items() if not errors[name] <= limit
         ]
-    return Agreement(
-        verdict=verdict,
-        reasons=tuple(unbalanced + deviations),
-        position_error=float(differences["position"][0]),
-        rotation_error=float(differences["rotation"][0]),
-        tension_error=float(differences["tension"][0]),
-        same_slack=not other_slack.any(),
-        static_in_mujoco=cross["MuJoCo at the static pose"],
-        settled_in_statics=cross["statics at the settled pose"],
-    )
+        if other_slack.any():
+            cables = ", ".join(str(i + 1) for i in np.flatnonzero(other_slack))
+            reasons.append(f"cable {cables} is slack by one method only")
+        if verdict is Verdict.AGREE_EXCEPT_NEUTRAL:
+            reasons.append("the energy is constant between the two poses: the platform is neutrally stable")
+        elif verdict is Verdict.DIFFERENT_EQUILIBRIA:
+            reasons += [
+                f"the equilibrium by {one.source} is {one.stability.name.lower()}"
+                for one in (self.solved[row], self.settled[row])
+                if not one.stable
+            ]
+        return Agreement(verdict, tuple(reasons), same_slack=not other_slack.any(), **errors)
+
+
+def compare_many(
+    solved: EquilibriumBatch,
+    settled: EquilibriumBatch,
+    *,
+    tolerances: Mapping[str, float] | None = None,
+    threads: int = 0,
+) -> Comparison:
+    """Compare static equilibria with those settled in MuJoCo, row by row.
+
+    Args:
+        solved: static equilibria, (rows,).
+        settled: the same problems by MuJoCo.
+        tolerances: of the errors, by name; default: the constants above.
+        threads: for MuJoCo; 0 for one per processor.
+    """
+    memory, rows = has_memory(solved.robot), np.flatnonzero(solved.converged & settled.converged)
+    cross = () if memory else CROSS
+    limits: dict[str, Any] = dict.fromkeys(cross, CROSS_TOLERANCE * solved.problems.force_scale)
+    limits |= tolerances or {
+        "position_error": POSITION_TOLERANCE, "rotation_error": ROTATION_TOLERANCE, "tension_error": TENSION_TOLERANCE
+    }  # fmt: skip
+    errors, verdicts = {name: np.full(len(solved), np.nan) for name in BEYOND}, np.full(len(solved), None)
+    static, at_rest = ((one.positions[rows], one.rotations[rows]) for one in (solved, settled))
+    errors["position_error"][rows] = np.linalg.norm(static[0] - at_rest[0], axis=-1)
+    errors["rotation_error"][rows] = angle_between(static[1], at_rest[1])
+    errors["tension_error"][rows] = np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1)
+    if rows.size and not memory:
+        problems = solved.problems.take(rows)
+        errors["static_in_mujoco"][rows] = residuals_of(problems, poses_of(*static), threads=threads)
+        errors["settled_in_statics"][rows] = forces.at(problems, *at_rest).residual
+    near = [np.abs(one.lengths - one.rest_lengths) <= REST_LENGTH_TOLERANCE for one in (solved, settled)]
+    other_slack = (solved.slack != settled.slack) & ~near[0] & ~near[1]
+    within = {name: errors[name] <= limit for name, limit in limits.items()}
+    balanced = np.all([within[name] for name in cross], axis=0)
+    same_tensions = balanced & within["tension_error"] & ~other_slack.any(-1)
+    same_pose = within["position_error"] & within["rotation_error"]
+    verdicts[rows] = Verdict.DISAGREE
+    if not memory:
+        verdicts[balanced] = Verdict.DIFFERENT_EQUILIBRIA
+        elsewhere = np.flatnonzero(same_tensions & ~same_pose)
+        if elsewhere.size:
+            poses = (poses_of(one.positions[elsewhere], one.rotations[elsewhere]) for one in (solved, settled))
+            verdicts[elsewhere[connected(solved.problems.take(elsewhere), *poses)]] = Verdict.AGREE_EXCEPT_NEUTRAL
+    verdicts[same_tensions & same_pose] = Verdict.AGREE
+    return Comparison(solved, settled, errors, limits, other_slack, verdicts)
 
 
 def has_memory(robot: Robot) -> bool:
@@ -179,20 +250,6 @@ def has_memory(robot: Robot) -> bool:
     So neither method can evaluate its forces at the pose of the other one.
     """
     return bool(robot.cabling.has_memory.any())
-
-
-def slack_differs(
-    static: Equilibrium | EquilibriumBatch, settled: Equilibrium | EquilibriumBatch
-) -> Bool[np.ndarray, "*rows cables"]:
-    """Which cables are slack by one method only; one at its rest length counts as either."""
-    near = [np.abs(one.lengths - one.rest_lengths) <= REST_LENGTH_TOLERANCE for one in (static, settled)]
-    return (static.slack != settled.slack) & ~near[0] & ~near[1]
-
-
-def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
-    """``connected`` of one problem."""
-    poses = (one.pose for one in (static, settled))
-    return bool(connected(Problems.stack([static.problem]), *(RigidTransform.concatenate([pose]) for pose in poses))[0])
 
 
 def connected(problems: Problems, static: RigidTransform, settled: RigidTransform) -> Bool[np.ndarray, " rows"]:

@@ -34,36 +34,34 @@ class CompensationCheck(HtmlRepr):
     @property
     def held(self) -> bool:
         """Whether the platform stays at the compensated pose after release there."""
-        return self._is_compensated(self.settled_from_compensated)
+        return self._deviation(self.settled_from_compensated)[0]
 
     @property
     def reached_from_commanded(self) -> bool:
         """Whether the platform reaches the compensated pose after release at the commanded pose."""
-        return self._is_compensated(self.settled_from_commanded)
+        return self._deviation(self.settled_from_commanded)[0]
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """What MuJoCo does not confirm, a sentence each."""
-        reasons = []
-        if not self.held:
-            result = self._result(self.settled_from_compensated)
-            reasons.append(f"released at the compensated pose, MuJoCo's platform {result}: it is not held")
-        if self.held and not self.reached_from_commanded:
-            reasons.append(
-                f"released at the commanded pose, MuJoCo's platform {self._result(self.settled_from_commanded)}: "
-                "these lengths hold it at the compensated pose only if it starts there"
-            )
-        return tuple(reasons)
+        held, result = self._deviation(self.settled_from_compensated)
+        reached, result_from_commanded = self._deviation(self.settled_from_commanded)
+        if not held:
+            return (f"released at the compensated pose, MuJoCo's platform {result}: it is not held",)
+        if reached:
+            return ()
+        return (
+            f"released at the commanded pose, MuJoCo's platform {result_from_commanded}: "
+            "these lengths hold it at the compensated pose only if it starts there",
+        )
 
-    def _is_compensated(self, settled: Equilibrium | None) -> bool:
-        arm = self.compensation.equilibrium.problem.robot.characteristic_length
-        return settled is not None and distance(settled.pose, self.compensation.pose, arm) <= SAME * arm
-
-    def _result(self, settled: Equilibrium | None) -> str:
+    def _deviation(self, settled: Equilibrium | None) -> tuple[bool, str]:
+        """Whether MuJoCo's platform settles at the compensated pose, and where it does, as text."""
         if settled is None:
-            return "does not settle"
+            return False, "does not settle"
         arm = self.compensation.equilibrium.problem.robot.characteristic_length
-        return f"settles {1e3 * distance(settled.pose, self.compensation.pose, arm):.3g} mm from there"
+        away = distance(settled.pose, self.compensation.pose, arm)
+        return away <= SAME * arm, f"settles {1e3 * away:.3g} mm from there"
 
     def __repr__(self) -> str:
         return (

@@ -8,12 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from cdpr_sim.core.checks import refuse_unless
-from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import RobotBatch
-from cdpr_sim.crosscheck.check import AGREEING, OUTCOMES, compared
+from cdpr_sim.crosscheck.compare import Verdict, compare_many
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.layout_result import PROMISE, LayoutResult
 from cdpr_sim.design.objectives import NO_LIMITS, Objective
@@ -80,15 +79,15 @@ class LayoutValidation(HtmlRepr):
             f"settled): {of.name} {of.shown(self.before.score)} before, {of.shown(after.score)} now."
         ]
         if self.agrees:
-            apart = (
+            differences = (
                 f"within {1e3 * after.errors['position_error']:.1e} mm, "
                 f"{np.degrees(after.errors['rotation_error']):.1e}° and {after.errors['tension_error']:.1e} N"
             )
             if after.neutral == len(self.cases):
-                apart = "all are neutrally stable"
+                differences = "all are neutrally stable"
             elif after.neutral:
-                apart = f"{after.neutral} are neutrally stable, the others agree {apart}"
-            sentences.append(f"MuJoCo and Newton agree at all of them: {apart}.")
+                differences = f"{after.neutral} are neutrally stable, the others agree {differences}"
+            sentences.append(f"MuJoCo and Newton agree at all of them: {differences}.")
         else:
             sentences.append(f"MuJoCo and Newton do not agree at {int((~after.agrees).sum())} of them.")
         if not self.better:
@@ -124,15 +123,13 @@ def validate_layout(layout: LayoutResult) -> LayoutValidation:
 def _validated(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
     problems = cases.problems(robot)
     solved, settled = solve_many(problems), settle_many(problems)
-    columns, _ = compared(solved, settled, cables_name(robot))
-    outcomes = columns.pop("outcome")
-    neutral = outcomes == OUTCOMES.index("agree_except_neutral")
-    errors = {}
-    for name, column in columns.items():
+    comparison, errors = compare_many(solved, settled), {}
+    neutral = comparison.verdicts == Verdict.AGREE_EXCEPT_NEUTRAL
+    for name, column in comparison.errors.items():
         known = column[~neutral & np.isfinite(column)]
         errors[name] = float(known.max()) if known.size else np.nan
-    agrees, score = np.isin(outcomes, list(AGREEING)), _score(robot, cases, objective, settled)
-    return ValidatedRobot(robot, solved, settled, errors, agrees, int(neutral.sum()), score)
+    score = _score(robot, cases, objective, settled)
+    return ValidatedRobot(robot, solved, settled, errors, comparison.agrees, int(neutral.sum()), score)
 
 
 def _score(robot: Robot, cases: Cases, objective: Objective, settled: EquilibriumBatch) -> float:

@@ -5,14 +5,18 @@ It is computed block by block on the graph of ``sweep``, so that it can be store
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from cdpr_sim.analysis.workspace.sweep import rotation_vectors
-from cdpr_sim.core.describe import cables_name
+from cdpr_sim.analysis.workspace.sweep import as_stored, rotation_vectors
 from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.core.sweep_quantities import Quantity, Settled
-from cdpr_sim.crosscheck.check import MEANINGS, OUTCOMES, ROWS, both, compared
+from cdpr_sim.core.sweep_quantities import Quantity
+from cdpr_sim.crosscheck import check
+from cdpr_sim.crosscheck.check import ROWS, both, outcomes_of
+from cdpr_sim.crosscheck.compare import compare_many
 
 QUANTITIES = {
     "settled_position": Quantity(("axis",), float, "m", "position of the platform's origin in MuJoCo"),
@@ -24,20 +28,16 @@ QUANTITIES = {
     "settled_status": Quantity(
         (), np.int8, "1", "how the settling ended", {int(one): one.name.lower() for one in Status}
     ),
-    "outcome": Quantity((), np.int8, *MEANINGS["outcome"], dict(enumerate(OUTCOMES))),
-    **{name: Quantity((), float, *MEANINGS[name]) for name in MEANINGS if name not in ("outcome", "proved")},
+    **{name: kind for name, kind in check.QUANTITIES.items() if name != "proved"},
 }
 """Each number is nan (with the reason in a status) where MuJoCo's platform did not settle; of a comparison also where
 statics found no equilibrium."""
 
 
-def settled() -> Settled:
-    """The variables and their function."""
-    return Settled(QUANTITIES, compute, ROWS)
-
-
-def compute(problems: Problems) -> dict[str, np.ndarray]:
-    """The quantities of problems of any shape, on one thread: others compute other blocks."""
+def compute(robot: Robot, commanded: np.ndarray, **given: Any) -> dict[str, np.ndarray]:
+    """The quantities at positions of any shape, on one thread: others compute other blocks."""
+    del given["names"]  # all of them are computed
+    problems = Problems.of(robot, commanded, **given)
     rows = problems.take(np.ones(problems.shape, dtype=bool))
     parts = [_of_rows(rows.take(np.arange(first, min(first + ROWS, len(rows))))) for first in range(0, len(rows), ROWS)]
     return {
@@ -58,9 +58,6 @@ def _of_rows(problems: Problems) -> dict[str, np.ndarray]:
         "settled_steps": settled.iterations,
         "settled_status": settled.status,
     }
-    columns = {name: np.array(values, dtype=QUANTITIES[name].dtype) for name, values in read.items()}
-    for name, values in columns.items():
-        if QUANTITIES[name].dtype is float:
-            values[~found] = np.nan
-    values, _ = compared(solved, settled, cables_name(problems.robot), threads=1)
-    return columns | values
+    columns = {name: as_stored(QUANTITIES[name], values, found) for name, values in read.items()}
+    comparison = compare_many(solved, settled, threads=1)
+    return columns | comparison.errors | {"outcome": outcomes_of(comparison)}

@@ -82,20 +82,17 @@ def _clearance(least: float) -> Constraint:
     if not least > 0:
         raise InvalidInput(f"subject_to['clearance']: found {least:g} m, expected more than 0")
 
-    def violation(equilibria: LayoutEquilibria) -> np.ndarray:
-        layouts = equilibria.layouts
-        weights = layouts.cable_weights[:, None]
-        distances = clearance.least_clearance(equilibria, layouts.exits[:, None], layouts.anchors[:, None], weights)
-        return np.maximum(least - distances.min(-1), 0) / least
-
-    return Constraint(f"clearance of {1e3 * least:g} mm", violation)
+    return Constraint(
+        f"clearance of {1e3 * least:g} mm",
+        lambda equilibria: np.maximum(least - clearance.least_clearance(equilibria).min(-1), 0) / least,
+    )
 
 
 def _limit(robot: Robot, name: str, limit: float) -> Constraint:
     objective = OBJECTIVES[name]
     side, scale = (-1.0, abs(limit) or 1.0) if objective.largest else (1.0, abs(limit) or 1.0)
-    words = "at least" if objective.largest else "at most"
+    bound = "at least" if objective.largest else "at most"
     return Constraint(
-        f"{name} {words} {objective.shown(limit)}",
+        f"{name} {bound} {objective.shown(limit)}",
         lambda equilibria: np.maximum(side * (objective.score(equilibria, NO_LIMITS) - limit), 0) / scale,
     )

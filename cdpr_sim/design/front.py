@@ -143,15 +143,6 @@ def find_front(
     whole("seed", seed, 0)
     space, free = evaluator.space, evaluator.space.free
 
-    def scored(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        equilibria = evaluator.equilibria(values)
-        scores = np.stack([evaluator.scores(equilibria, goal) for goal in goals], axis=1)
-        unsolved = np.asarray(np.isnan(scores).any(1))
-        violations = evaluator.violations(equilibria, unsolved)
-        violations = np.minimum(np.vstack([violations, np.where(unsolved, UNSOLVED, 0)]), UNSOLVED).T
-        evaluator.layouts_evaluated += len(values)
-        return scores, violations
-
     signs = np.array([-1.0 if goal.largest else 1.0 for goal in goals])
 
     class LayoutProblem(Problem):
@@ -162,7 +153,12 @@ def find_front(
             )  # fmt: skip
 
         def _evaluate(self, x, out, *args, **kwargs) -> None:
-            scores, violations = scored(space.completed(x))
+            equilibria = evaluator.equilibria(space.completed(x))
+            scores = np.stack([evaluator.scores(equilibria, goal) for goal in goals], axis=1)
+            unsolved = np.asarray(np.isnan(scores).any(1))
+            violations = evaluator.violations(equilibria, unsolved)
+            violations = np.minimum(np.vstack([violations, np.where(unsolved, UNSOLVED, 0)]), UNSOLVED).T
+            evaluator.layouts_evaluated += len(x)
             out["F"], out["G"] = np.nan_to_num(scores * signs), violations - CONSTRAINT_TOLERANCE
 
     first = np.random.default_rng(seed).uniform(
@@ -184,10 +180,9 @@ def find_front(
             "subject_to: found no layout that satisfies all constraints and has an equilibrium at every pose among "
             f"{evaluator.layouts_evaluated:,} evaluated; find_layout reports the constraint violated most"
         )
-    values = space.completed(np.atleast_2d(result.X))
-    scores, _ = scored(values)
+    scores = signs * np.array(result.F, ndmin=2)
     order = np.argsort(signs[0] * scores[:, 0])
-    layouts = space.layouts(values[order])
+    layouts = space.layouts(space.completed(np.atleast_2d(result.X))[order])
     given = evaluator.equilibria(np.zeros((1, len(space))))
     before = np.array([evaluator.scores(given, goal)[0] for goal in goals])
     return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.layouts_evaluated)

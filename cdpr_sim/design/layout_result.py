@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.analysis.sensitivity import name_of
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
@@ -90,18 +91,11 @@ class LayoutResult(Frozen, HtmlRepr):
     def changes(self) -> tuple[Change, ...]:
         """Every parameter that changed."""
         changes = []
-        for what, unit in (("exits", "exit"), ("anchors", "anchor")):
-            before, after = getattr(self.given, what), getattr(self.robot, what)
-            for cable, axis in np.argwhere(before != after):
-                name = f"{unit} {cable + 1} {'xyz'[axis]}"
-                changes.append(Change(name, float(before[cable, axis]), float(after[cable, axis])))
-        for axis in np.flatnonzero(self.given.center_of_mass != self.robot.center_of_mass):
-            ends = (float(robot.center_of_mass[axis]) for robot in (self.given, self.robot))
-            changes.append(Change(f"centre of mass {'xyz'[axis]}", *ends))
-        for name, values in (("EA", "axial_stiffness"), ("linear density", "linear_density")):
-            before, after = getattr(self.given.cabling, values), getattr(self.robot.cabling, values)
-            for cable in np.flatnonzero(before != after):
-                changes.append(Change(f"{name} of cable {cable + 1}", float(before[cable]), float(after[cable])))
+        for name in ("exits", "anchors", "center_of_mass", "axial_stiffness", "linear_density"):
+            before, after = (np.ravel(getattr(robot, name)).tolist() for robot in (self.given, self.robot))
+            for index, ends in enumerate(zip(before, after, strict=True)):
+                if ends[0] != ends[1]:
+                    changes.append(Change(name_of(name, index), *ends))
         return tuple(changes)
 
     def __str__(self) -> str:

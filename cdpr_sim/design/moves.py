@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, listed, one_of, refuse_far, whole
+from cdpr_sim.core.checks import checked_array, frozen, listed, one_of, refuse_far, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.core.robot_batch import VARIED, RobotBatch
 from cdpr_sim.design.symmetry import Symmetry, group
 
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
 FACTORS = ("axial_stiffness", "diameter")
+LOGARITHMIC = ("axial_stiffness", "linear_density")
 MOVABLE = POINTS + FACTORS
 """What may move: points; or, for each cable, the axial stiffness, or the diameter, with whose square both stiffness
 and mass grow. "pulleys" are the exits of the cables that run over a pulley."""
+
+_Row = tuple[str, float, float, dict[str, np.ndarray]]
+"""A variable: its name, its bounds, and the derivatives of the parameters that it changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,20 +96,15 @@ class Space:
         robot: the given robot.
         names: of the variables.
         lower, upper: their bounds, (variables,).
-        exits, anchors: derivatives by the variables, (variables, cables, 3).
-        center: derivatives of the centre of mass, (variables, 3).
-        log_stiffness, log_density: derivatives of the logarithms, (variables, cables).
+        by: derivatives of the parameters by the variables, by the names of ``VARIED``, (variables, ...); those of
+            ``LOGARITHMIC`` of the logarithms.
     """
 
     robot: Robot
     names: tuple[str, ...]
     lower: Float[np.ndarray, " variables"]
     upper: Float[np.ndarray, " variables"]
-    exits: Float[np.ndarray, "variables cables 3"]
-    anchors: Float[np.ndarray, "variables cables 3"]
-    center: Float[np.ndarray, "variables 3"]
-    log_stiffness: Float[np.ndarray, "variables cables"]
-    log_density: Float[np.ndarray, "variables cables"]
+    by: Mapping[str, np.ndarray]
 
     @classmethod
     def of(cls, robot: Robot, moves: Sequence[Move], symmetry: str | Sequence[str] = "detected") -> Space:
@@ -116,50 +115,30 @@ class Space:
             InvalidInput: a symmetry that the robot does not have, contradictory bounds, or nothing that can move.
         """
         symmetries = group(robot, symmetry)
-        rows: list[tuple] = []
+        rows: list[_Row] = []
         taken: set[tuple[str, int]] = set()
         for move in moves:
-            what = "exits" if move.what == "pulleys" else move.what
-            cables = _cables(robot, move)
-            if what != "center_of_mass":
-                kind = "axial_stiffness" if what in FACTORS else what
-                twice = [cable + 1 for cable in cables if (kind, cable) in taken]
-                if twice:
-                    raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
-            rows += (
-                _factors(robot, move, cables, symmetries, taken)
-                if what in FACTORS
-                else _places(robot, move, what, cables, symmetries, taken)
-            )
+            rows += _variables(robot, move, symmetries, taken)
         rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
         if not any(row[2] > row[1] for row in rows):
             raise InvalidInput(
                 "within: found no point that can move, expected some that the bounds and the symmetry allow to move"
             )
-        columns = list(zip(*rows, strict=True))
-        return cls(robot, columns[0], *(np.array(column, dtype=float) for column in columns[1:]))
+        names, lower, upper, each = zip(*rows, strict=True)
+        none = {name: np.zeros_like(getattr(robot, name)) for name in VARIED}
+        by = {name: frozen(np.array([(none | one)[name] for one in each])) for name in VARIED}
+        return cls(robot, names, np.array(lower), np.array(upper), by)
 
     def __len__(self) -> int:
         return len(self.names)
 
     def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> RobotBatch:
         """The robots with these values."""
-        robot = self.robot
-
-        def moved(start: np.ndarray, by: np.ndarray) -> np.ndarray:
-            return start + np.tensordot(values, by, 1)
-
-        def scaled(start: np.ndarray, by: np.ndarray) -> np.ndarray:
-            return start * np.exp(values @ by)
-
-        return RobotBatch(
-            robot,
-            moved(robot.exits, self.exits),
-            moved(robot.anchors, self.anchors),
-            scaled(robot.axial_stiffness, self.log_stiffness),
-            scaled(robot.cabling.linear_density, self.log_density),
-            moved(robot.center_of_mass, self.center),
-        )
+        changed = {}
+        for name, by in self.by.items():
+            start, step = getattr(self.robot, name), np.tensordot(values, by, 1)
+            changed[name] = start * np.exp(step) if name in LOGARITHMIC else start + step
+        return RobotBatch(self.robot, **changed)
 
     @property
     def given(self) -> Float[np.ndarray, " variables"]:
@@ -191,60 +170,32 @@ def _cables(robot: Robot, move: Move) -> list[int]:
     return sorted(cables)
 
 
-def _row(robot: Robot, name: str, bounds: tuple[float, float], **by: np.ndarray) -> tuple:
-    """One variable: a row of the columns of ``Space``."""
-    m = robot.cables
-    empty = {
-        "exits": np.zeros((m, 3)), "anchors": np.zeros((m, 3)), "center_of_mass": np.zeros(3),
-        "axial_stiffness": np.zeros(m), "linear_density": np.zeros(m),
-    }  # fmt: skip
-    return (name, *bounds, *(empty | by).values())
-
-
-def _factors(
-    robot: Robot, move: Move, cables: list[int], symmetries: list[Symmetry], taken: set[tuple[str, int]]
-) -> list[tuple]:
-    within = np.asarray(move.within, dtype=float)
-    least, most = (1 / within, within) if within.shape == () else within
-    rows = []
-    for leader in cables:
-        if ("axial_stiffness", leader) in taken:
-            continue
-        tied = sorted({int(one.images[leader]) for one in symmetries})
-        taken.update(("axial_stiffness", cable) for cable in tied)
-        one = np.zeros(robot.cables)
-        one[tied] = 1.0
-        name = f"{move.what.replace('_', ' ')} of {_listed(tied)}"
-        by = {"axial_stiffness": one}
-        if move.what == "diameter":
-            by = {"axial_stiffness": 2 * one, "linear_density": 2 * one}
-        rows.append(_row(robot, name, (float(np.log(least)), float(np.log(most))), **by))
-    return rows
-
-
-def _places(
-    robot: Robot,
-    move: Move,
-    what: str,
-    cables: list[int],
-    symmetries: list[Symmetry],
-    taken: set[tuple[str, int]],
-) -> list[tuple]:
-    points = robot.center_of_mass[None] if what == "center_of_mass" else getattr(robot, what)
-    images = [(one.signs, np.zeros(1, int) if what == "center_of_mass" else one.images) for one in symmetries]
-    within = np.asarray(move.within, dtype=float)
-    if move.along is None:
-        directions = [np.eye(3)[i] for i in range(3) if not (robot.mobility == "planar" and i == 1)]
-    else:
-        line = np.asarray(move.along, dtype=float)
-        directions = [line / np.linalg.norm(line)]
-    rows = []
-    for leader in [0] if what == "center_of_mass" else cables:
-        if (what, leader) in taken:
+def _variables(robot: Robot, move: Move, symmetries: list[Symmetry], taken: set[tuple[str, int]]) -> list[_Row]:
+    """The variables of a move; the points and cables that they change are added to those ``taken``."""
+    parameter = {"pulleys": "exits", "diameter": "axial_stiffness"}.get(move.what, move.what)
+    center, cables, within = parameter == "center_of_mass", _cables(robot, move), np.asarray(move.within, dtype=float)
+    twice = [cable + 1 for cable in cables if (parameter, cable) in taken and not center]
+    if twice:
+        raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
+    points = robot.center_of_mass[None] if center else getattr(robot, parameter)
+    images = [(one.signs, np.zeros(1, int) if center else one.images) for one in symmetries]
+    directions = np.eye(3)[[0, 2] if robot.mobility == "planar" else [0, 1, 2]]
+    if move.along is not None:
+        directions = [np.asarray(move.along, dtype=float) / np.linalg.norm(move.along)]
+    rows: list[_Row] = []
+    for leader in [0] if center else cables:
+        if (parameter, leader) in taken:
             continue
         orbit = sorted({int(to[leader]) for _, to in images})
-        taken.update((what, one) for one in orbit)
-        boxed = orbit if move.cables is None else [one for one in orbit if one in cables]
+        taken.update((parameter, one) for one in orbit)
+        if move.what in FACTORS:
+            by = np.isin(np.arange(robot.cables), orbit) * (2.0 if move.what == "diameter" else 1.0)
+            least, most = np.log((1 / within, within) if within.shape == () else within).tolist()
+            name = f"{move.what.replace('_', ' ')} of cable {_listed(orbit)}"
+            changed = ("axial_stiffness", "linear_density") if move.what == "diameter" else ("axial_stiffness",)
+            rows.append((name, least, most, dict.fromkeys(changed, by)))
+            continue
+        boxed = [one for one in orbit if center or one in cables]
         for direction in directions:
             by = np.zeros_like(points)
             for one in orbit:  # mean over the symmetries that map to the same cable
@@ -253,10 +204,9 @@ def _places(
                 continue
             axis = None if move.along is not None else int(np.abs(direction).argmax())
             label = "" if axis is None else f"{'xyz'[axis]} of "
-            name = f"{label}centre of mass" if what == "center_of_mass" else f"{label}{what} {_listed(orbit, '')}"
+            name = f"{label}centre of mass" if center else f"{label}{parameter} {_listed(orbit)}"
             bounds = _bounds(within, axis, points[boxed], by[boxed], name)
-            part = by[0] if what == "center_of_mass" else by
-            rows.append(_row(robot, name, bounds, **{what: part}))
+            rows.append((name, *bounds, {parameter: by[0] if center else by}))
     return rows
 
 
@@ -277,5 +227,5 @@ def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.nda
     return lower, upper
 
 
-def _listed(cables: Sequence[int], head: str = "cable ") -> str:
-    return head + ", ".join(str(cable + 1) for cable in cables)
+def _listed(cables: Sequence[int]) -> str:
+    return ", ".join(str(cable + 1) for cable in cables)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
-from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.layout_derivatives import layout_derivatives
 from cdpr_sim.design.layout_equilibria import LayoutEquilibria, feasible_share
 
 Limits = tuple[np.ndarray, np.ndarray]
@@ -99,18 +99,15 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
 
     Rotations are weighted by the characteristic length.
     """
-    steps, found = Steps.errors(equilibria.robot), np.empty(equilibria.shape)
+    count, found = 3 * equilibria.robot.cables, np.empty(equilibria.shape)
+    axes = (0, 2) if equilibria.robot.mobility == "planar" else (0, 1, 2)
+    each = np.eye(count)[:, np.isin(np.arange(count) % 3, axes)]
+    none = np.zeros_like(each)
+    errors = {"exits": np.hstack([each, none]), "anchors": np.hstack([none, each])}
     for row in range(len(equilibria)):
-        robot = equilibria.layouts.robot_at(row)
-        pose, _ = layout_derivatives(
-            robot,
-            equilibria.cases,
-            equilibria.positions[row],
-            equilibria.rotations[row],
-            equilibria.problems.rest_lengths[row],
-            steps,
-        )
-        found[row] = np.sqrt(((pose * robot.units) ** 2).sum((-1, -2)))
+        pose, _ = layout_derivatives(equilibria, row, errors, known=False)
+        units = equilibria.layouts.robot_at(row).units
+        found[row] = np.sqrt(((pose * units[:, None]) ** 2).sum((-1, -2)))
     return np.where(np.isnan(found), np.inf, found)
 
 

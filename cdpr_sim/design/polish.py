@@ -9,15 +9,18 @@ with r the horizontal part of the platform's z axis (tilt), or its deviation fro
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
-from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
+from cdpr_sim.design.layout_derivatives import layout_derivatives
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_layouts
 from cdpr_sim.design.moves import Space
 from cdpr_sim.design.objectives import Limits, Objective
 
+POINTS = ("exits", "anchors", "center_of_mass")
 STEPS = 100
 UNSOLVED = 1e6
 """Value assigned to a trial layout without an equilibrium: far worse than any other."""
@@ -35,25 +38,65 @@ def polished(
     reach: float,
 ) -> Float[np.ndarray, "candidates variables"]:
     """Candidate layouts between ``start`` and the local optimum, the optimum first; the caller evaluates them."""
-    path = _Path(space, cases, objective, limits, reach)
-    free = space.free
+    robot, sign = space.robot, -1.0 if objective.largest else 1.0
+    free, weight = space.free, robot.weight or 1.0
     width = (space.upper - space.lower)[free]
-    here = path.values(start)
-    scale = float(np.abs(here).max()) or 1.0
+    points = np.concatenate([space.by[name].reshape(len(space), -1, 3) for name in POINTS], axis=1)
+    lower, upper = (np.broadcast_to(one, (len(cases), robot.cables)) for one in limits)
 
     def split(z: np.ndarray) -> np.ndarray:
         values = start.copy()
         values[free] = space.lower[free] + z[:-1] * width
         return values.clip(space.lower, space.upper)
 
+    @functools.lru_cache(maxsize=1)  # SLSQP asks for the margins at a point, and then for their slopes there
+    def solved(values: bytes) -> LayoutEquilibria:
+        return solve_layouts(space.layouts(np.frombuffer(values)[None]), cases, 1)
+
+    def to_minimise(values: np.ndarray) -> Float[np.ndarray, " numbers"]:
+        """Squares of tilt or deviation, or signed tensions, of each case."""
+        equilibria = solved(values.tobytes())
+        if objective.smooth == "tensions":
+            found = sign * equilibria.tensions[0].ravel()
+        elif objective.smooth == "tilt":
+            found = (equilibria.rotations[0][:, :2, 2] ** 2).sum(-1)
+        else:
+            found = (equilibria.deviation[0] ** 2).sum(-1)
+        return np.nan_to_num(found, nan=UNSOLVED)
+
     def margins(z: np.ndarray) -> np.ndarray:
-        return np.concatenate([z[-1] - path.values(split(z)) / scale, path.room(split(z))])
+        """Of the bound t, of the tensions to their limits over the weight, and of the squared displacements."""
+        values = split(z)
+        tensions = solved(values.tobytes()).tensions[0]
+        moved = np.tensordot(values, points, 1)
+        far = [] if np.isinf(reach) else 1 - (moved**2).sum(-1) / reach**2
+        low, high = (tensions - lower)[lower > 0] / weight, (upper - tensions)[np.isfinite(upper)] / weight
+        return np.concatenate([z[-1] - to_minimise(values) / scale, low, high, far])
 
     def margin_slopes(z: np.ndarray) -> np.ndarray:
-        by, room = path.layout_derivatives(split(z))
-        rows = np.vstack([-by[:, free] / scale, room[:, free]]) * width
-        return np.hstack([rows, np.concatenate([np.ones(len(by)), np.zeros(len(room))])[:, None]])
+        values = split(z)
+        equilibria = solved(values.tobytes())
+        changes = {name: space.by[name].reshape(len(space), -1).T for name in POINTS}
+        changes["axial_stiffness"] = (space.by["axial_stiffness"] * equilibria.layouts.axial_stiffness[0]).T
+        pose, tensions = map(np.nan_to_num, layout_derivatives(equilibria, 0, changes, known=True))
+        if objective.smooth == "tensions":
+            by = sign * tensions.reshape(-1, len(space))
+        elif objective.smooth == "tilt":
+            axis = equilibria.rotations[0][:, :, 2, None]
+            by = 2 * (np.cross(pose[:, 3:], axis, axis=1) * axis)[:, :2].sum(1)
+        else:
+            by = 2 * (pose[:, :3] * equilibria.deviation[0][..., None]).sum(1)
+        far = -2 / reach**2 * np.einsum("pi,vpi->pv", np.tensordot(values, points, 1), points)
+        room = [
+            tensions[lower > 0] / weight,
+            -tensions[np.isfinite(upper)] / weight,
+            far[: 0 if np.isinf(reach) else None],
+        ]
+        slopes = np.concatenate([-by / scale, *room])[:, free] * width
+        return np.hstack([slopes, (np.arange(len(slopes)) < len(by))[:, None]])
 
+    here = to_minimise(start)
+    scale = float(np.abs(here).max()) or 1.0
     first = np.append((start[free] - space.lower[free]) / width, float((here / scale).max()))
     pick = np.zeros(len(first))
     pick[-1] = 1.0
@@ -65,84 +108,3 @@ def polished(
     if not np.isfinite(end).all():
         return start[None]
     return np.array([start + part * (end - start) for part in SHORTER])
-
-
-class _Path:
-    """Values and derivatives of a layout; the last equilibria are cached."""
-
-    def __init__(self, space: Space, cases: Cases, objective: Objective, limits: Limits, reach: float) -> None:
-        self.space, self.cases, self.objective, self.limits, self.reach = space, cases, objective, limits, reach
-        self.at: np.ndarray | None = None
-
-    def _solve(self, values: np.ndarray) -> None:
-        if self.at is None or not np.array_equal(values, self.at):
-            self.at = values.copy()
-            self.equilibria = solve_layouts(self.space.layouts(values[None]), self.cases, 1)
-
-    def values(self, values: np.ndarray) -> Float[np.ndarray, " numbers"]:
-        """Values to be minimised, for each case: squares of tilt or deviation, or signed tensions."""
-        self._solve(values)
-        if self.objective.smooth == "tensions":
-            found = self._sign * self.equilibria.tensions[0].ravel()
-        else:
-            found = (self._residual() ** 2).sum(-1)
-        return np.nan_to_num(found, nan=UNSOLVED)
-
-    @property
-    def _sign(self) -> float:
-        return -1.0 if self.objective.largest else 1.0
-
-    def _residual(self) -> np.ndarray:
-        if self.objective.smooth == "tilt":
-            return self.equilibria.rotations[0][:, :2, 2]
-        return self.equilibria.deviation[0]
-
-    def room(self, values: np.ndarray) -> Float[np.ndarray, " limits"]:
-        """Margins to the limits: of tensions over the weight, and of squared displacements over their limit."""
-        self._solve(values)
-        tau, scale = self.equilibria.tensions[0], self.space.robot.weight or 1.0
-        lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
-        low, high = lower > 0, np.isfinite(upper)
-        moved = (self._moved(values) ** 2).sum(-1)
-        far = [] if np.isinf(self.reach) else 1 - moved / self.reach**2
-        return np.concatenate([(tau - lower)[low] / scale, (upper - tau)[high] / scale, far])
-
-    @property
-    def _directions(self) -> Float[np.ndarray, "variables points 3"]:
-        space = self.space
-        return np.concatenate([space.exits, space.anchors, space.center[:, None]], axis=1)
-
-    def _moved(self, values: np.ndarray) -> Float[np.ndarray, "points 3"]:
-        return np.tensordot(values, self._directions, 1)
-
-    def layout_derivatives(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of ``values`` and of ``room`` by the variables, a row each."""
-        self._solve(values)
-        space, equilibria = self.space, self.equilibria
-        layouts = equilibria.layouts
-        steps = Steps(
-            space.exits, space.anchors, space.log_stiffness * layouts.axial_stiffness[0], space.center
-        )  # fmt: skip
-        by_pose, by_tensions = layout_derivatives(
-            layouts.robot_at(0),
-            self.cases,
-            equilibria.positions[0],
-            equilibria.rotations[0],
-            equilibria.problems.rest_lengths[0],
-            steps,
-        )
-        pose, tensions = np.nan_to_num(by_pose), np.nan_to_num(by_tensions)
-        if self.objective.smooth == "tensions":
-            rows = self._sign * tensions.swapaxes(1, 2).reshape(-1, len(space))
-        elif self.objective.smooth == "tilt":
-            axis = equilibria.rotations[0][:, :, 2]
-            turned = np.cross(pose[..., 3:], axis[:, None])[..., :2]
-            rows = 2 * (turned * axis[:, None, :2]).sum(-1)
-        else:
-            rows = 2 * (pose[..., :3] * equilibria.deviation[0][:, None]).sum(-1)
-        tau, scale = equilibria.tensions[0], space.robot.weight or 1.0
-        lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
-        each = tensions.swapaxes(1, 2) / scale
-        far = -2 / self.reach**2 * np.einsum("pi,vpi->pv", self._moved(values), self._directions)
-        far = far[: 0 if np.isinf(self.reach) else None]
-        return rows, np.concatenate([each[lower > 0], -each[np.isfinite(upper)], far])

@@ -43,7 +43,7 @@ CONSTRAINT_TOLERANCE = 1e-9
 MOST_VIOLATION = 1e6
 """Constraint violations are clipped to this value."""
 
-_FEASIBLE, _VIOLATED, _UNSOLVED = 0.0, 2.0, 4.0
+_FEASIBLE, _VIOLATED, _UNSOLVED = 1.0, 2.0, 4.0
 """Energies: -1 to 1 for feasible layouts, 2 to 3 if a constraint is violated, 3 to 4 without an equilibrium in some
 case."""
 
@@ -60,6 +60,11 @@ class LayoutEvaluator:
         limits: tension limits, for objectives that use them.
         reach: limit of displacement [m].
         threads: for the compiled solver.
+        best: values of the variables of the best layout so far.
+        energy: its energy.
+        value: its objective; nan if no layout is feasible.
+        layouts_evaluated: number of layouts evaluated.
+        violations_of_best: its violation of each constraint, by name.
     """
 
     space: Space
@@ -71,6 +76,7 @@ class LayoutEvaluator:
     threads: int | None
     best: np.ndarray | None = None
     energy: float = np.inf
+    value: float = np.nan
     layouts_evaluated: int = 0
     violations_of_best: dict[str, float] = field(default_factory=dict)
 
@@ -132,9 +138,10 @@ class LayoutEvaluator:
         equilibria = self.equilibria(values)
         scores = self.scores(equilibria)
         unsolved = np.isnan(scores)
-        violations = np.minimum(self.violations(equilibria, unsolved).max(0, initial=0.0), MOST_VIOLATION)
+        each = self.violations(equilibria, unsolved)
+        violations = np.minimum(each.max(0, initial=0.0), MOST_VIOLATION)
         signed = np.nan_to_num(-scores if self.objective.largest else scores)
-        energies = _FEASIBLE + signed / (1 + np.abs(signed))
+        energies = signed / (1 + np.abs(signed))
         violated = violations > CONSTRAINT_TOLERANCE
         energies[violated] = (_VIOLATED + violations / (1 + violations))[violated]
         energies[unsolved] = (_UNSOLVED - equilibria.converged.mean(-1))[unsolved]
@@ -142,9 +149,9 @@ class LayoutEvaluator:
         row = int(energies.argmin())
         if energies[row] < self.energy:
             self.energy, self.best = float(energies[row]), values[row].copy()
-            each = self.violations(equilibria, unsolved)[:, row]
+            self.value = float(scores[row]) if self.energy < _FEASIBLE else np.nan
             names = (one.name for one in self.constraints)
-            self.violations_of_best = dict(zip(names, each.tolist(), strict=True))
+            self.violations_of_best = dict(zip(names, each[:, row].tolist(), strict=True))
         return energies
 
     def violations(
@@ -159,19 +166,11 @@ class LayoutEvaluator:
 
     def describe_best(self) -> str:
         """The best layout so far, in a phrase."""
-        if self.energy < _FEASIBLE + 1:
+        if self.energy < _FEASIBLE:
             return f"{self.objective.name} {self.objective.shown(self.value)}"
         if self.energy < _UNSOLVED - 1:
             return "no layout yet that satisfies all constraints"
         return "no layout yet with an equilibrium at every pose"
-
-    @property
-    def value(self) -> float:
-        """The best objective so far; nan if no layout is feasible."""
-        if not self.energy < _FEASIBLE + 1:
-            return np.nan
-        signed = self.energy / (1 - abs(self.energy))
-        return -signed if self.objective.largest else signed
 
 
 def find_layout(
@@ -235,8 +234,7 @@ def find_layout(
     space, cases, wanted = evaluator.space, evaluator.cases, evaluator.objective
     refuse_unless(FLAG, polish=polish)
     whole("generations", generations, 1)
-    still = np.zeros((1, len(space)))
-    equilibria_before = solve_layouts(space.layouts(still), cases, threads)
+    equilibria_before = evaluator.equilibria(np.zeros((1, len(space))))
     before = float(evaluator.scores(equilibria_before)[0])
 
     history: list[tuple[float, float, float]] = []
@@ -247,7 +245,7 @@ def find_layout(
             if evaluator.best is None:
                 raise
             message = f"Interrupted after {len(history)} generations: this is the best layout so far."
-        if evaluator.best is None or not evaluator.energy < _FEASIBLE + 1:
+        if evaluator.best is None or not evaluator.energy < _FEASIBLE:
             raise InvalidInput(_why_none(evaluator))
         if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
             say(f"{evaluator.describe_best()}; refining")
@@ -372,7 +370,8 @@ def _identity(evaluator: LayoutEvaluator, seed: int, size: int) -> str:
     """Hash of the search: different for every change of its arguments."""
     space, cases = evaluator.space, evaluator.cases
     state = hashlib.sha256()
-    arrays = [getattr(space, name) for name in ("lower", "upper", "exits", "anchors", "center", "log_stiffness")]
+    arrays = [space.lower, space.upper]
+    arrays += [space.by[name] for name in ("exits", "anchors", "center_of_mass", "axial_stiffness")]
     arrays += [space.robot.cabling.packed, space.robot.center_of_mass, np.array(space.robot.mass), space.robot.inertia]
     arrays += [cases.positions, cases.rotations, cases.wrench, cases.factors, *evaluator.limits]
     for array in arrays:

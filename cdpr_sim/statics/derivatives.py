@@ -6,7 +6,7 @@ Sensitivities, identification, compensation and the search for saddles are built
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -136,6 +136,20 @@ def tension_by_parameter(
         along = along / robot.reeving[:, None]
         found[name] = (np.eye(robot.cables)[..., None] * along[..., :, None, :]).reshape(*shape, -1)
     return {name: by for name, by in found.items() if name in wanted}
+
+
+def along_changes(
+    state: State, changes: Mapping[str, Float[Array, "*#batch parameters variables"]]
+) -> tuple[Float[Array, "*batch 6 variables"], Float[Array, "*batch cables variables"]]:
+    """∂(net wrench)/∂(variable) and ∂(tensions)/∂(variable) at a fixed pose, or at many.
+
+    Args:
+        state: the forces there.
+        changes: ∂(parameter)/∂(variable), by the parameters' names; one or more.
+    """
+    both = wrench_by_parameter(state, [*changes]), tension_by_parameter(state, [*changes])
+    wrench, tensions = (np.sum([by[name] @ change for name, change in changes.items()], axis=0) for by in both)
+    return wrench, tensions
 
 
 def tension_by_pose(state: State) -> Float[Array, "*batch cables 6"]:

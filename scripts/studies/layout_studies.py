@@ -96,7 +96,7 @@ def frame_numbers(robot: Robot) -> list[FrameNumber]:
     nominal = settle_many(robot, LINE)
     effects = []
     for number, name in enumerate(space.names):
-        wrong = robot.replace(exits=robot.exits + ERROR * space.exits[number])
+        wrong = robot.replace(exits=robot.exits + ERROR * space.by["exits"][number])
         built = settle_many(wrong, LINE, nominal.rest_lengths)
         solved = solve_many(wrong, LINE, nominal.rest_lengths)
         effects.append(

@@ -9,8 +9,7 @@ import numpy as np
 
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.crosscheck.check import compare_many
-from cdpr_sim.crosscheck.compare import Verdict, compare
+from cdpr_sim.crosscheck.compare import Verdict, compare_many
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
 
@@ -54,16 +53,14 @@ def check_robot(robot: Robot, poses: int = 200, strain: float = 0.0, seed: int =
     if strain:
         problems = Problems.of(robot, positions, (1 - strain) * problems.rest_lengths)
     solved, settled = solve_many(problems), settle_many(problems)
-    errors, agree = compare_many(solved, settled)
-    found = solved.converged & settled.converged
-    verdicts = Counter({Verdict.AGREE: int(agree.sum())})
-    verdicts.update(compare(solved[row], settled[row]).verdict for row in np.flatnonzero(found & ~agree).tolist())
+    many, found = compare_many(solved, settled), solved.converged & settled.converged
+    agree = many.verdicts == Verdict.AGREE
     return RobotCheck(
         robot=robot,
         poses=poses,
-        verdicts=verdicts,
+        verdicts=Counter(many.verdicts[found]),
         unsolved=int((~found).sum()),
-        position_error=float(errors["position_error"][agree].max(initial=0.0)),
-        tension_error=float(errors["tension_error"][agree].max(initial=0.0)),
+        position_error=float(many.errors["position_error"][agree].max(initial=0.0)),
+        tension_error=float(many.errors["tension_error"][agree].max(initial=0.0)),
         tension=float(solved.tensions[found].max(initial=0.0)),
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 from numcodecs import get_codec
@@ -33,15 +32,11 @@ class ChecksummedStore(LocalStore):
         if content is None:
             raise StoreError(f"{where} is lost; run the same sweep again, which computes it")
         try:
-            _decoded(self.root / found["name"], content.to_bytes())
+            description = json.loads((self.root / found["name"] / ".zarray").read_text(encoding="utf-8"))
+            if description["compressor"]:  # which checks the chunk's checksum
+                get_codec(description["compressor"]).decode(content.to_bytes())
         except Exception as error:  # each codec has its own
             raise StoreError(
                 f"{where} is corrupt; remove {self.root / key} and run the same sweep again, which computes it"
             ) from error
         return content
-
-
-def _decoded(array: Path, content: bytes) -> Any:
-    """The chunk decoded by the array's compressor, which checks its checksum."""
-    description = json.loads((array / ".zarray").read_text(encoding="utf-8"))
-    return get_codec(description["compressor"]).decode(content) if description["compressor"] else content

@@ -76,16 +76,13 @@ def shortfall(
     Raises:
         InvalidInput: an invalid argument; a single pose at which a cable leaves its pulley's wheel.
     """
-    lower, upper = checked_limits(robot, tension_limits)
-    loads = checked_wrenches(robot, wrenches)
-    at, turned = _placed(robot, positions, rotations)
-    asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    left = _over_poses(shortfall_gufunc, robot, *asked, at, turned, checked_threads(threads))
-    left = np.where((asked[0] > asked[1]).any(-1), np.inf, left)
+    demand = _demand(robot, positions, rotations, tension_limits, wrenches)
+    left = over_poses(shortfall_gufunc, robot, *demand, threads=checked_threads(threads))
+    left = np.where((demand[0] > demand[1]).any(-1), np.inf, left)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled, or limits exclude each other
-        position = np.broadcast_to(at, (*left.shape, 3))[index]
-        rotation = np.broadcast_to(turned, (*left.shape, 3, 3))[index]
-        left[index] = _least_by_linprog(robot, position, rotation, lower, upper, loads)
+        parts = zip(demand, (1, 1, 2, 1, 2), strict=True)
+        row = (np.broadcast_to(part, left.shape + part.shape[part.ndim - core :])[index] for part, core in parts)
+        left[index] = _least_by_linprog(robot, *row)
     return left
 
 
@@ -130,21 +127,20 @@ def closed_form_feasible(
     Raises:
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
     """
-    lower, upper = checked_limits(robot, tension_limits)
-    if not np.isfinite(upper).all():
-        cable = int(np.argmax(~np.isfinite(upper)))
+    _, most = checked_limits(robot, tension_limits)
+    if not np.isfinite(most).all():
+        cable = int(np.argmax(~np.isfinite(most)))
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected a finite one")
-    at, turned = _placed(robot, positions, rotations)
+    lower, upper, loads, at, turned = _demand(robot, positions, rotations, tension_limits, wrenches)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
     known = np.asarray(np.isfinite(W).all((-1, -2)))
     W = np.where(known[..., None, None], W, 0.0)
-    lower, upper, wrenches = _with_cable_weight(robot, at, turned, lower, upper, checked_wrenches(robot, wrenches))
     middle = (lower + upper) / 2
     held = known.copy()
-    for wrench in np.moveaxis(wrenches, -2, 0):
+    for wrench in np.moveaxis(loads, -2, 0):
         load = ((_weight(robot, turned) + wrench) / robot.units)[..., robot.free]
-        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), _pull(W, middle) + load)
-        left = np.abs(_pull(W, tensions) + load).max(-1)
+        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), (W @ middle[..., None])[..., 0] + load)
+        left = np.abs((W @ tensions[..., None])[..., 0] + load).max(-1)
         held &= (left <= BALANCED * upper.max(-1)) & ((tensions >= lower) & (tensions <= upper)).all(-1)
     return held
 
@@ -180,10 +176,8 @@ def capacity_margin(
     Raises:
         InvalidInput: as in ``shortfall``.
     """
-    lower, upper = checked_limits(robot, tension_limits)
-    loads, (at, turned) = checked_wrenches(robot, wrenches), _placed(robot, positions, rotations)
-    asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    return _over_poses(margin_gufunc, robot, *asked, at, turned, checked_threads(threads))
+    demand = _demand(robot, positions, rotations, tension_limits, wrenches)
+    return over_poses(margin_gufunc, robot, *demand, threads=checked_threads(threads))
 
 
 def feasible_by_linprog(
@@ -199,24 +193,38 @@ def feasible_by_linprog(
     Raises:
         InvalidInput: as in ``shortfall``.
     """
-    lower, upper = checked_limits(robot, tension_limits)
-    at, turned = _placed(robot, checked_array("position", position, (3,)), rotation)
-    return _least_by_linprog(robot, at, turned, lower, upper, checked_wrenches(robot, wrenches)) <= HIGHS_TOLERANCE
+    demand = _demand(robot, checked_array("position", position, (3,)), rotation, tension_limits, wrenches)
+    return _least_by_linprog(robot, *demand) <= HIGHS_TOLERANCE
 
 
-def _placed(
-    robot: Robot, positions: ArrayLike, rotations: ArrayLike | None
-) -> tuple[Float[Array, "*batch 3"], Float[Array, "*#batch 3 3"]]:
-    """``positions_and_rotations``; a single pose without paths of its cables is refused, as in ``solve``."""
+def _demand(
+    robot: Robot,
+    positions: ArrayLike,
+    rotations: ArrayLike | None,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None,
+    wrenches: ArrayLike | None,
+) -> tuple[
+    Float[Array, "*#batch cables"],
+    Float[Array, "*#batch cables"],
+    Float[Array, "*#batch sets 6"],
+    Float[Array, "*batch 3"],
+    Float[Array, "*#batch 3 3"],
+]:
+    """Limits of the tensions at the middles of the cables, loads with half of the cables' weight, and poses.
+
+    A single pose without paths of its cables is refused, as in ``solve``.
+    """
+    (lower, upper), loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
     at, turned = positions_and_rotations(robot, positions, rotations, "positions")
     if at.ndim == 1 and turned.ndim == 2:
         lost = off_wheel(robot.cabling, at, turned)
         if lost and np.isfinite(at).all() and np.isfinite(turned).all():
             raise InvalidInput(f"positions: found {lost}")
-    return at, turned
+    difference, weight = forces.weight_of_cables(robot, at, turned)
+    return lower + difference, upper - difference, loads + weight[..., None, :], at, turned
 
 
-def _over_poses(
+def over_poses(
     gufunc: Callable[..., Callable],
     robot: Robot,
     lower: Float[Array, "*#batch cables"],
@@ -224,7 +232,8 @@ def _over_poses(
     loads: Float[Array, "*#batch sets 6"],
     positions: Float[Array, "*#batch 3"],
     rotations: Float[Array, "*#batch 3 3"],
-    threads: int,
+    *,
+    threads: int = 1,
 ) -> Float[Array, "*batch"]:
     """Results of a compiled function of ``balance_kernel`` at each pose."""
 
@@ -239,36 +248,22 @@ def _over_poses(
     return on_threads(evaluated, given, (2, 1, 1, 0, 1, 2, 1, 0, 1, 2), threads, LEAST_PIECE)[0]
 
 
-def _with_cable_weight(
-    robot: Robot,
-    positions: Float[Array, "*#batch 3"],
-    rotations: Float[Array, "*#batch 3 3"],
-    lower: Float[Array, " cables"],
-    upper: Float[Array, " cables"],
-    loads: Float[Array, "sets 6"],
-) -> tuple[Float[Array, "*#batch cables"], Float[Array, "*#batch cables"], Float[Array, "*#batch sets 6"]]:
-    """Limits of the tensions at the middles of the cables, and loads with half of the cables' weight."""
-    difference, weight = forces.weight_of_cables(robot, positions, rotations)
-    return lower + difference, upper - difference, loads + weight[..., None, :]
-
-
 def _least_by_linprog(
     robot: Robot,
-    position: Float[Array, "3"],
-    rotation: Float[Array, "3 3"],
     lower: Float[Array, " cables"],
     upper: Float[Array, " cables"],
     wrenches: Float[Array, "sets 6"],
+    position: Float[Array, "3"],
+    rotation: Float[Array, "3 3"],
 ) -> float:
     """The least largest component of W tau + w_e, over the load: as ``shortfall``, in another norm."""
     from scipy.optimize import linprog
 
-    lower, upper, loads = _with_cable_weight(robot, position, rotation, lower, upper, wrenches)
     if (lower > upper).any():
         return np.inf
     W = (forces.geometry(robot, position, rotation).wrench_matrix / robot.units[:, None])[robot.free]
     least = []
-    for load in (_weight(robot, rotation) + loads) / robot.units:
+    for load in (_weight(robot, rotation) + wrenches) / robot.units:
         load = load[robot.free]
         size = float(np.linalg.norm(load)) or 1.0
         over = -np.ones((len(load), 1))
@@ -286,9 +281,3 @@ def _least_by_linprog(
 def _weight(robot: Robot, rotations: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity's wrench on the platform."""
     return forces.load_wrench(Problem(robot, robot.pose(robot.home), np.ones(robot.cables), np.zeros(6)), rotations)
-
-
-def _pull(
-    W: Float[Array, "*batch free cables"], tensions: Float[Array, "*#batch cables"]
-) -> Float[Array, "*batch free"]:
-    return np.einsum("...fc,...c->...f", W, tensions)

@@ -89,8 +89,14 @@ def open_sweep(store: str | Path) -> xr.Dataset:
             f"store: {path} is unfinished: {missing} of {dataset['status'].size} poses are pending; "
             "run the same sweep again, which resumes it"
         )
-    if path.suffix != ".nc":
-        _refuse_losses(dataset, path)
+    lost = _losses(dataset, path) if path.suffix != ".nc" else []
+    if lost:
+        name, chunk = lost[0]
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        raise StoreError(
+            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; run the same sweep "
+            "again, which computes what is lost"
+        )
     return dataset
 
 
@@ -118,19 +124,25 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
         StoreError: it cannot be written, as on a full disk, or another process writes to it; its content is kept.
     """
     dataset.attrs["identity"] = _digest(identity)
-    with _as_sentence(path), _held(path):
-        if path.suffix == ".nc":
-            _write_netcdf(computed(dataset, progress=progress), path)
-        else:
-            if not path.exists():
-                _create(dataset, path)
-            elif _identity_of(path) != dataset.attrs["identity"]:
-                raise InvalidInput(
-                    f"store: {path} exists and holds something else; expected a new name, or the very sweep that was "
-                    "begun there"
-                )
-            _mend_coordinates(dataset, path)
-            _fill(dataset, path, progress=progress)
+    try:
+        with _held(path):
+            if path.suffix == ".nc":
+                _write_netcdf(computed(dataset, progress=progress), path)
+            else:
+                if not path.exists():
+                    _create(dataset, path)
+                elif _identity_of(path) != dataset.attrs["identity"]:
+                    raise InvalidInput(
+                        f"store: {path} exists and holds something else; expected a new name, or the very sweep that "
+                        "was begun there"
+                    )
+                _mend_coordinates(dataset, path)
+                _fill(dataset, path, progress=progress)
+    except StoreError:
+        raise
+    except OSError as error:
+        kept = "; what is written stays, and the same sweep continues from there" if path.suffix == ".zarr" else ""
+        raise StoreError(f"store: {path} cannot be written: {error.strerror or error}{kept}") from error
     return open_sweep(path)
 
 
@@ -261,30 +273,19 @@ def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]
     return lost
 
 
-def _refuse_losses(dataset: xr.Dataset, path: Path) -> None:
-    lost = _losses(dataset, path)
-    if lost:
-        name, chunk = lost[0]
-        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
-        raise StoreError(
-            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; run the same sweep "
-            "again, which computes what is lost"
-        )
-
-
 def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
     """Pieces of about ``TASKS`` chunks, cut along whole chunks of the grid."""
+    from dask.array.core import slices_from_chunks
+
     dims = [name for name in DIMENSIONS if name in dataset["status"].dims]
-    chunks = {name: dataset["status"].chunksizes[name] for name in dims}
-    cuts, left = {}, TASKS
+    sizes, left = {}, TASKS
     for name in reversed(dims):
-        per_slab = 1 if name == "robot" else min(len(chunks[name]), max(1, left))
+        chunks = dataset["status"].chunksizes[name]
+        per_slab = 1 if name == "robot" else min(len(chunks), max(1, left))
         left //= per_slab
-        edges = np.concatenate([[0], np.cumsum(chunks[name])])
-        starts = edges[:-1:per_slab]
-        cuts[name] = [slice(int(a), int(b)) for a, b in zip(starts, [*starts[1:], edges[-1]], strict=True)]
-    for choice in np.ndindex(*(len(cuts[name]) for name in dims)):
-        yield {name: cuts[name][i] for name, i in zip(dims, choice, strict=True)}
+        sizes[name] = [sum(chunks[first : first + per_slab]) for first in range(0, len(chunks), per_slab)]
+    for slices in slices_from_chunks([sizes[name] for name in dims]):
+        yield dict(zip(dims, slices, strict=True))
 
 
 def _open_zarr(path: Path) -> xr.Dataset:
@@ -324,14 +325,3 @@ def _digest(identity: Sequence[Any]) -> str:
 
     add(list(identity))
     return state.hexdigest()
-
-
-@contextmanager
-def _as_sentence(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except StoreError:
-        raise
-    except OSError as error:
-        kept = "; what is written stays, and the same sweep goes on from there" if path.suffix == ".zarr" else ""
-        raise StoreError(f"store: {path} cannot be written: {error.strerror or error}{kept}") from error

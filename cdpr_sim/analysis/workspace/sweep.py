@@ -27,7 +27,6 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.sweep_quantities import BySimulation, Quantity
@@ -81,18 +80,20 @@ QUANTITIES = {
 equilibrium."""
 
 DEFAULT = (*QUANTITIES, "feasible")
-"""Names of the quantities that are computed unless others are asked for."""
+"""Names of the quantities that are computed unless others are requested."""
 
-_RIGID = {
-    "feasible": ("1", "rigid cables can hold the platform as commanded"),
-    "wrench_feasible": ("1", "rigid cables can hold the platform as commanded against every one of the wrenches"),
-    "capacity_margin": (
-        "N", "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside"
+RIGID = {
+    "feasible": Quantity((), bool, "1", "rigid cables can hold the platform as commanded"),
+    "capacity_margin": Quantity(
+        (), float, "N",
+        "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
     ),
-    "wrenches": ("N, N m", "external wrenches of the wrench-feasible workspace, besides gravity and external_wrench"),
+    "wrench_feasible": Quantity(
+        (), bool, "1", "rigid cables can hold the platform as commanded against every one of the wrenches"
+    ),
 }  # fmt: skip
-"""Unit and meaning of what concerns rigid cables, where a sweep has it. ``capacity_margin`` takes longer than an
-equilibrium, and is computed only on request."""
+"""Quantities of rigid cables. ``capacity_margin`` takes longer than an equilibrium, and is computed only on request;
+``wrench_feasible`` if a set of wrenches is given."""
 
 ROBOT = {
     "frame": ("m", "two opposite corners of the frame"),
@@ -159,6 +160,8 @@ def sweep(
         StoreError: the store cannot be written; its content is kept.
     """
     extras.require("sweep", "sweep")
+    import xarray as xr
+
     refuse_unless(FLAG, compute=compute, progress=progress)
     many = not isinstance(robots, (str, Robot))
     group = as_robots(robots)
@@ -191,46 +194,56 @@ def sweep(
         store = stores.checked_path(store)
     chunk = chunk if stack is None else None
     if chunk is not None and settled is not None:
-        chunk = min(chunk, settled.most)
+        chunk = min(chunk, settled.ROWS)
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
-    points = _coordinates(axes, blocks) if stack is None else _along(stack)
+    if stack is None:
+        points = _coordinates(axes, blocks)
+    else:
+        attrs = {"units": "m", "long_name": "commanded position"}
+        points = [xr.DataArray(column, dims=("pose",), attrs=attrs) for column in stack.translation.T]
 
-    held = dict(rotations=rotation, tension_limits=tension_limits)
     if compute or store is not None:
         variants = len(group) * (1 if materials is None else len(materials))
         count = variants * math.prod(len(values) for values in axes.values())
         kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
-        kinds += [] if settled is None else settled.quantities.values()
+        kinds += [] if settled is None else settled.QUANTITIES.values()
         _refuse_what_cannot_fit(count, most.cables, kinds, store)
+    rigid = {name: wrench for name in RIGID if name in names}
+    if wrenches is not None:
+        rigid["wrench_feasible"] = np.atleast_2d(wrenches) + wrench
     parts = []
     for robot in group:
-        stiffness = _labelled(stiffnesses[robot.name], materials)
-        given: dict[str, Any] = dict(robot=robot, rotation=rotation, wrench=wrench)
+        labels = {} if materials is None else {"material": list(materials)}
+        stiffness = xr.DataArray(stiffnesses[robot.name], dims=(*labels, "cable"), coords=labels)
+        given: dict[str, Any] = dict(rotations=rotation, external_wrench=wrench)
         solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
-        part = _arrays(_solve_block, solved, robot, points, stiffness, given)
+        part = _arrays(_solved, solved, robot, points, stiffness, **given)
         if settled is not None:
-            given["compute"] = settled.compute
-            part = part.merge(_arrays(_settled_block, settled.quantities, robot, points, stiffness, given))
-        if "feasible" in names:
-            part["feasible"] = _rigid(feasible, bool, robot, points, wrenches=wrench, **held)
-        if "capacity_margin" in names:
-            part["capacity_margin"] = _rigid(capacity_margin, float, robot, points, wrenches=wrench, **held)
-        if wrenches is not None:
-            every = np.atleast_2d(wrenches) + wrench
-            part["wrench_feasible"] = _rigid(feasible, bool, robot, points, wrenches=every, **held)
+            part = part.merge(_arrays(settled.compute, settled.QUANTITIES, robot, points, stiffness, **given))
+        for name, loads in rigid.items():
+            conditions: dict[str, Any] = dict(rotations=rotation, tension_limits=tension_limits, wrenches=loads)
+            part = part.merge(_arrays(_of_rigid_cables, {name: RIGID[name]}, robot, points, **conditions))
         parts.append(_with_robot(part, robot, stiffness))
-    result = _side_by_side(parts) if many else parts[0]
+    result = parts[0]
+    if many:  # cables and modes that a robot does not have are nan
+        per_robot = [*ROBOT, *({"material"} - set(result.dims))]
+        result = xr.concat(parts, "robot", join="outer", data_vars="all", coords=per_robot, compat="equals")  # type: ignore[call-overload]
+        assert isinstance(result, xr.Dataset)
     if stack is not None:
         result = result.assign_coords({name: point.variable for name, point in zip(AXES, points, strict=True)})
-    lower, upper = zip(*limits, strict=True)
     if wrenches is not None:
-        result = result.assign_coords(wrenches=(("wrench", "component"), np.atleast_2d(wrenches).astype(float)))
-    _annotate(
-        result,
-        orientation=np.asarray(orientation, dtype=float).tolist(),
-        external_wrench=wrench.tolist(),
-        tension_limits=[float(np.concatenate(lower).min()), float(np.concatenate(upper).max())],
-    )
+        meaning = "external wrenches of the wrench-feasible workspace, besides gravity and external_wrench"
+        attrs = {"units": "N, N m", "long_name": meaning}
+        result = result.assign_coords(wrenches=(("wrench", "component"), np.atleast_2d(wrenches).astype(float), attrs))
+    lower, upper = zip(*limits, strict=True)
+    result.attrs = {
+        "title": "Static equilibria of cable-driven parallel robots over their workspace",
+        "source": "cdpr_sim.sweep",
+        "Conventions": "CF-1.11",
+        "orientation": np.asarray(orientation, dtype=float).tolist(),
+        "external_wrench": wrench.tolist(),
+        "tension_limits": [float(np.concatenate(lower).min()), float(np.concatenate(upper).max())],
+    }
     if store is not None:
         variables = sorted(map(str, result.variables))
         identity = [group, axes, stiffnesses, rotation, wrench, limits, wrenches, variables, blocks]
@@ -302,14 +315,6 @@ def axial_stiffnesses(
     return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
 
 
-def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, float] | None) -> xr.DataArray:
-    import xarray as xr
-
-    if materials is None:
-        return xr.DataArray(stiffness, dims=("cable",))
-    return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
-
-
 def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
     if quantities is None:
         return list(DEFAULT)
@@ -342,53 +347,50 @@ def _coordinates(axes: Mapping[str, np.ndarray], blocks: Mapping[str, int] | Non
     return points
 
 
-def _along(stack: RigidTransform) -> list[xr.DataArray]:
-    """Positions of poses, over them."""
-    import xarray as xr
-
-    units = {"units": "m", "long_name": "commanded position"}
-    return [xr.DataArray(column, dims=("pose",), attrs=units) for column in stack.translation.T]
-
-
 def _arrays(
-    block: Callable[..., Any],
+    compute: Callable[..., Mapping[str, np.ndarray]],
     quantities: Mapping[str, Quantity],
     robot: Robot,
     points: Sequence[xr.DataArray],
-    stiffness: xr.DataArray,
-    given: Mapping[str, Any],
+    stiffness: xr.DataArray | None = None,
+    **given: Any,
 ) -> xr.Dataset:
-    """The quantities by a function of one block, which gets the keywords ``given`` and their names."""
+    """The quantities over the grid, by a function of a robot, of positions and of ``given``, which returns them."""
     import xarray as xr
 
     names, kinds = list(quantities), list(quantities.values())
     sizes = {"cable": robot.cables, "axis": 3, "mode": len(robot.free)}
-    arrays = _apply_ufunc(
-        block,
-        stiffness,
-        *points,
-        kwargs=dict(**given, names=tuple(names)),
-        input_core_dims=[["cable"], [], [], []],
-        output_core_dims=[list(kind.dims) for kind in kinds],
-        output_dtypes=[kind.dtype for kind in kinds],
-        dask_gufunc_kwargs={"output_sizes": {dim: sizes[dim] for kind in kinds for dim in kind.dims}},
-    )
-    if len(names) == 1:
-        arrays = (arrays,)
-    dataset = xr.Dataset(dict(zip(names, arrays, strict=True)))
-    for name, kind in zip(names, kinds, strict=True):
+    inputs = points if stiffness is None else (stiffness, *points)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Increasing number of chunks")  # by Dask
+        arrays = xr.apply_ufunc(
+            _block,
+            *inputs,
+            kwargs=dict(**given, compute=compute, robot=robot, names=tuple(names)),
+            input_core_dims=[["cable"]] * (stiffness is not None) + [[], [], []],
+            output_core_dims=[list(kind.dims) for kind in kinds],
+            output_dtypes=[kind.dtype for kind in kinds],
+            dask="parallelized",
+            dask_gufunc_kwargs={"output_sizes": {dim: sizes[dim] for kind in kinds for dim in kind.dims}},
+        )
+    dataset = xr.Dataset(dict(zip(names, arrays if len(names) > 1 else [arrays], strict=True)))
+    for name, kind in quantities.items():
         dataset[name].attrs = kind.attrs
     return dataset
 
 
-def _solve_block(
-    stiffness: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, *, robot, rotation, wrench, names
-) -> tuple[np.ndarray, ...] | np.ndarray:
+def _block(*arrays: np.ndarray, compute, robot, names, **given) -> tuple[np.ndarray, ...] | np.ndarray:
     """The quantities ``names`` over one block of the grid: what runs on each thread or worker."""
-    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    equilibria = solve_many(
-        robot, commanded, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness), external_wrench=wrench
-    )
+    *stiffness, x, y, z = arrays
+    if stiffness:
+        given["axial_stiffness"] = np.atleast_2d(stiffness[0])
+    values = compute(robot, np.stack(np.broadcast_arrays(x, y, z), axis=-1), names=names, **given)
+    return tuple(values[name] for name in names) if len(names) > 1 else values[names[0]]
+
+
+def _solved(robot: Robot, commanded: np.ndarray, *, names: Sequence[str], **given: Any) -> dict[str, np.ndarray]:
+    """Those of ``QUANTITIES`` that are wanted."""
+    equilibria = solve_many(robot, commanded, **given)
     found = equilibria.converged
     eigenvalues, frequency = stiffness_of(equilibria) if _MODES & set(names) else (None, None)
     bits = 1 << np.arange(robot.cables, dtype=np.int64)
@@ -407,24 +409,21 @@ def _solve_block(
         "iterations": lambda: equilibria.iterations,
         "status": lambda: equilibria.status,
     }
-    results = []
-    for name in names:
-        values = np.array(read[name](), dtype=QUANTITIES[name].dtype)
-        if QUANTITIES[name].dtype is float:
-            values[~found] = np.nan
-        results.append(values)
-    return tuple(results) if len(results) > 1 else results[0]
+    return {name: as_stored(QUANTITIES[name], read[name](), found) for name in names}
 
 
-def _settled_block(
-    stiffness: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, *, compute, robot, rotation, wrench, names
-) -> tuple[np.ndarray, ...]:
-    """The quantities ``names`` by MuJoCo over one block of the grid."""
-    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    values = compute(
-        Problems.of(robot, commanded, None, wrench, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness))
-    )
-    return tuple(values[name] for name in names)
+def _of_rigid_cables(robot: Robot, commanded: np.ndarray, *, names: Sequence[str], **conditions: Any) -> dict[str, Any]:
+    """One of ``RIGID``."""
+    function = capacity_margin if names[0] == "capacity_margin" else feasible
+    return {names[0]: function(robot, commanded, **conditions)}
+
+
+def as_stored(kind: Quantity, values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Values of the type of their variable; nan where they are not ``known``, if that type has it."""
+    stored = np.array(values, dtype=kind.dtype)
+    if kind.dtype is float:
+        stored[~known] = np.nan
+    return stored
 
 
 def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -435,65 +434,22 @@ def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
     return vectors
 
 
-def _apply_ufunc(function: Any, *arrays: xr.DataArray, **options: Any) -> Any:
-    """``xarray.apply_ufunc`` for blocks of a grid, without Dask's warning about their number."""
-    import xarray as xr
-
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Increasing number of chunks")
-        return xr.apply_ufunc(function, *arrays, dask="parallelized", **options)
-
-
-def _rigid(
-    function: Callable[..., np.ndarray], dtype: type, robot: Robot, points: Sequence[xr.DataArray], **conditions: Any
-) -> xr.DataArray:
-    """A function of ``feasibility``, at every pose."""
-    given = dict(function=function, robot=robot, **conditions)
-    return _apply_ufunc(_rigid_block, *points, kwargs=given, output_dtypes=[dtype])
-
-
-def _rigid_block(x: np.ndarray, y: np.ndarray, z: np.ndarray, *, function, robot, **conditions) -> np.ndarray:
-    return function(robot, np.stack(np.broadcast_arrays(x, y, z), axis=-1), **conditions)
-
-
 def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> xr.Dataset:
     """Add names of the axes, and coordinates that describe the robot."""
-    coords = {
-        "robot": robot.name,
-        "axis": list(AXES),
-        "cable": np.arange(1, robot.cables + 1),
+    described = {
         "frame": (("corner", "axis"), robot.frame),
         "exits": (("cable", "axis"), robot.exits),
         "anchors": (("cable", "axis"), robot.anchors),
         "axial_stiffness": (stiffness.dims, stiffness.values),
         "linear_density": ("cable", robot.cabling.linear_density),
-        "mass": robot.mass,
-        "robot_file": as_toml(robot),
+        "mass": ((), robot.mass),
+        "robot_file": ((), as_toml(robot)),
     }
+    coords: dict[str, Any] = {"robot": robot.name, "axis": list(AXES), "cable": np.arange(1, robot.cables + 1)}
+    for name, (unit, meaning) in ROBOT.items():
+        coords[name] = (*described[name], {"units": unit, "long_name": meaning} if unit else {"long_name": meaning})
     if "material" not in stiffness.dims:
         coords["material"] = cables_name(robot)
     if "mode" in dataset.dims:
         coords["mode"] = np.arange(1, len(robot.free) + 1)
     return dataset.assign_coords(coords)
-
-
-def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Join along a dimension ``robot``; cables and modes that a robot does not have are nan."""
-    import xarray as xr
-
-    apart = [*ROBOT, *({"material"} - set(parts[0].dims))]
-    whole = xr.concat(parts, "robot", join="outer", data_vars="all", coords=apart, compat="equals")  # type: ignore[call-overload]
-    assert isinstance(whole, xr.Dataset)
-    return whole
-
-
-def _annotate(dataset: xr.Dataset, **conditions: list[float]) -> None:
-    for name, (unit, meaning) in (_RIGID | ROBOT).items():
-        if name in dataset:
-            dataset[name].attrs = {"units": unit, "long_name": meaning} if unit else {"long_name": meaning}
-    dataset.attrs = {
-        "title": "Static equilibria of cable-driven parallel robots over their workspace",
-        "source": "cdpr_sim.sweep",
-        "Conventions": "CF-1.11",
-        **conditions,
-    }
