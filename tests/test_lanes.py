@@ -17,7 +17,7 @@ from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
-from cdpr_sim.statics.gufuncs import roots_gufunc
+from cdpr_sim.statics.gufuncs import ROOTS
 from cdpr_sim.statics.newton import stiffness_of
 
 SAME = 1e-9
@@ -212,7 +212,7 @@ def test_roots_on_lanes_are_those_of_the_search_from_one_start(massless):
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, free,
             robot.characteristic_length, 1e-11 * problem.load, 1e-2,
         )  # fmt: skip
-        search = roots_gufunc(bent=robot.cabling.bent)
+        search = ROOTS[robot.cabling.bent]
         with np.errstate(all="ignore"):
             one, lanes = search.compiled(*given, *starts), search.compiled_for_all(*given, *starts)
             alone = search.compiled_for_all(*given, *(each[5:6] for each in starts))
@@ -241,7 +241,7 @@ def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
         "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import gufuncs; "
         "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
         "np.save('found.npy', found.positions); "
-        "assert found.converged.all() and gufuncs.equilibrium_gufunc()._compiled is None"
+        "assert found.converged.all() and gufuncs.EQUILIBRIA[0]._compiled is None"
     )
     place = os.environ | {"NUMBA_CPU_NAME": "generic", "PYTHONPATH": str(PACKAGE)}
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)

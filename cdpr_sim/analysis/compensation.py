@@ -38,7 +38,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
 from cdpr_sim.statics.given_tensions import cut
-from cdpr_sim.statics.gufuncs import shortfall_gufunc
+from cdpr_sim.statics.gufuncs import SHORTFALLS
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -428,7 +428,7 @@ def _spread(
     positions = problem.at.position + steps[:, :3]
     rotations = Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ problem.at.rotation_matrix
     with np.errstate(all="ignore"):
-        left = shortfall_gufunc(bent=robot.cabling.bent)(
+        left = SHORTFALLS[robot.cabling.bent](
             robot.cabling.packed, *limits, robot.weight, robot.center_of_mass, problem.external_wrench[None],
             np.array(free), robot.characteristic_length, positions, rotations,
         )  # fmt: skip

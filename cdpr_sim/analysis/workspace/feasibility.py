@@ -21,7 +21,7 @@ by at most 0.012 N (60 random poses).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.cable_path import off_wheel
 from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.compiling import Kernel
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.on_threads import checked_threads, on_threads
@@ -36,7 +37,7 @@ from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
-from cdpr_sim.statics.gufuncs import margin_gufunc, shortfall_gufunc
+from cdpr_sim.statics.gufuncs import MARGINS, SHORTFALLS
 
 Array = np.ndarray
 
@@ -80,7 +81,7 @@ def shortfall(
     loads = checked_wrenches(robot, wrenches)
     at, turned = _placed(robot, positions, rotations)
     asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    left = _over_poses(shortfall_gufunc, robot, *asked, at, turned, checked_threads(threads))
+    left = _over_poses(SHORTFALLS, robot, *asked, at, turned, checked_threads(threads))
     left = np.where((asked[0] > asked[1]).any(-1), np.inf, left)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled, or limits exclude each other
         position = np.broadcast_to(at, (*left.shape, 3))[index]
@@ -183,7 +184,7 @@ def capacity_margin(
     lower, upper = checked_limits(robot, tension_limits)
     loads, (at, turned) = checked_wrenches(robot, wrenches), _placed(robot, positions, rotations)
     asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    return _over_poses(margin_gufunc, robot, *asked, at, turned, checked_threads(threads))
+    return _over_poses(MARGINS, robot, *asked, at, turned, checked_threads(threads))
 
 
 def feasible_by_linprog(
@@ -217,7 +218,7 @@ def _placed(
 
 
 def _over_poses(
-    gufunc: Callable[..., Callable],
+    kernels: Sequence[Kernel],
     robot: Robot,
     lower: Float[Array, "*#batch cables"],
     upper: Float[Array, "*#batch cables"],
@@ -230,7 +231,7 @@ def _over_poses(
 
     def evaluated(*given: np.ndarray | float) -> tuple[np.ndarray]:
         with np.errstate(all="ignore"):
-            return (np.asarray(gufunc(bent=robot.cabling.bent)(*given)),)
+            return (np.asarray(kernels[robot.cabling.bent](*given)),)
 
     given = (
         robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
