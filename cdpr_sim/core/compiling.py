@@ -38,6 +38,9 @@ LANES_FROM = 1000
 code takes longer than it saves. It is also the least number in a piece that threads evaluate, so that the
 pieces of a batch are evaluated as the whole is."""
 
+WIDTH = 8
+"""Numbers in ``lanes.Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""
+
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
 is raised."""
@@ -173,8 +176,6 @@ class Kernel(Compiled):
 
     def _on_lanes(self, loop: tuple[int, ...], *inputs: Any) -> Any:
         import_numba()
-        from cdpr_sim.core.lanes import room_for
-
         sizes, whole, pieces = {}, [], (math.prod(loop[:-1]), loop[-1])
         for name, value, (kind, dims) in zip(self._names, inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
@@ -184,8 +185,7 @@ class Kernel(Compiled):
                 array = np.broadcast_to(array, loop + core).reshape(pieces + core)
             whole.append(array if array.ndim else array[()])
         results = [np.empty([*pieces, *(sizes[name] for name in dims)], kind) for kind, dims in self._results]
-        room = room_for(sizes["m"])
-        self._of_many.compiled(*whole, room.numbers, room.flags, *results)
+        self._of_many.compiled(*whole, *memory_of_lanes(sizes["m"]), *results)
         if self._finish is not None:
             self._finish(self, whole, results)
         results = [column.reshape(loop + column.shape[2:]) for column in results]
@@ -280,7 +280,10 @@ def nowhere(condition):
 
 
 class Heap(NamedTuple):
-    """Where arrays of numbers are made, one by one; arrays of lanes are made in a ``lanes.Room``."""
+    """Where arrays of numbers are made, one by one; arrays of lanes are made in a ``lanes.Room``.
+
+    width: numbers in an entry.
+    """
 
     width: int
 
@@ -304,6 +307,15 @@ def matrix(room, rows, columns):
 def truths(room, length):
     """A vector of truth values that is to be filled in."""
     return np.empty(length, np.bool_)
+
+
+def memory_of_lanes(cables: int) -> tuple[np.ndarray, np.ndarray]:
+    """Memory of a ``lanes.Room`` for any kernel and so many cables; entries begin at multiples of their size.
+
+    The solver needs 56 entries for each cable and 145, the balance of forces cables² + 49 cables + 54.
+    """
+    numbers = np.zeros((cables * cables + 64 * cables + 260) * WIDTH)
+    return numbers[-(numbers.ctypes.data // 8) % WIDTH :], np.zeros(3 * cables, np.uint8)
 
 
 def compile_as(function: Callable, choose: Callable, literal: bool = False, **options: Any) -> None:

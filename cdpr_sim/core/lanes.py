@@ -45,16 +45,13 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import models, register_model
 
-from cdpr_sim.core.compiling import compile_as, matrix, nowhere, truths, vector, where
+from cdpr_sim.core.compiling import WIDTH, compile_as, matrix, nowhere, truths, vector, where
 
 # Numba's annotations of these are wrong.
 intrinsic = cast(Any, extending.intrinsic)
 lower_builtin = cast(Any, imputils.lower_builtin)
 lower_cast = cast(Any, imputils.lower_cast)
 infer_global = cast(Any, templates.infer_global)
-
-WIDTH = 8
-"""Numbers in ``Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""
 
 FLAGS = ("contract", "nsz", "arcp")
 
@@ -264,22 +261,12 @@ def _array_at(context, memory, first, length, columns):
 class Room(NamedTuple):
     """Memory of lane arrays, and how many entries of it are taken: of numbers, and of masks; ``compiling.Heap`` here.
 
-    Made by ``room_for``, outside compiled code, and longer-lived than the arrays.
+    ``Kernel`` makes the memory, outside compiled code, so that it outlives the arrays.
     """
 
     numbers: np.ndarray
     flags: np.ndarray
     taken: np.ndarray
-
-
-def room_for(cables: int) -> Room:
-    """Memory for the arrays of any kernel for so many cables; entries begin at multiples of their size.
-
-    The solver needs 56 entries for each cable and 145, the balance of forces cables² + 49 cables + 54.
-    """
-    numbers = np.zeros((cables * cables + 64 * cables + 260) * WIDTH)
-    numbers = numbers[-(numbers.ctypes.data // 8) % WIDTH :]
-    return Room(numbers, np.zeros(3 * cables, np.uint8), np.zeros(2, np.int64))
 
 
 @vector.of(Room)

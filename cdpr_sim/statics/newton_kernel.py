@@ -492,26 +492,18 @@ def _model_minimum(at, model, shift, taut, x):
     False where the quadratic form of some taut set on the way is not positive definite, or where the sets cycle.
     """
     for _ in range(MAX_TAUT_SETS):
-        if not _newton_target(at, model, shift, taut, x):
+        fill_system(at, model, shift, taut)
+        if not factorise(model.L, 6):
             return False
+        substitute(model.L, model.rhs, x)
         if not update_taut(at, model, x, taut):
             return True
     return False
 
 
 @inline
-def _newton_target(at, model, shift, taut, x):
-    """The minimum x if exactly the cables ``taut`` were springs; False where there is none."""
-    fill_system(at, model, shift, taut)
-    if not factorise(model.L, 6):
-        return False
-    substitute(model.L, model.rhs, x)
-    return True
-
-
-@inline
 def fill_system(at, model, shift, taut):
-    """Fill in the lower half of the equation L x = rhs of that minimum."""
+    """Fill in the lower half of the equation L x = rhs of the minimum if exactly the cables ``taut`` were springs."""
     k, e = at.c.k, at.c.e
     J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
     for a in range(6):
