@@ -168,13 +168,14 @@ def _solved(
     found = solve_table(problems, table, positions, rotations, threads)
     positions, turned, lengths, tensions, residuals, iterations, status = found
     felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
-    if felt.any() and problems.robots is None and elastic:
-        asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
-        state = forces.at(asked, read.translation, read.rotation.as_matrix())
-        positions[felt], turned[felt] = state.position, state.rotation
-        lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
-    unbalanced = felt & ~(residuals <= ACCEPTABLE * problems.force_scale)
-    status = np.where(unbalanced, Status.STALLED.value, status)
+    if felt.any():
+        if problems.robots is None and elastic:
+            asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
+            state = forces.at(asked, read.translation, read.rotation.as_matrix())
+            positions[felt], turned[felt] = state.position, state.rotation
+            lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
+        balanced = residuals <= ACCEPTABLE * problems.force_scale
+        status = np.where(felt & ~balanced, Status.STALLED.value, status)
     if (status != Status.CONVERGED).any():
         status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
     columns = positions, turned, lengths, tensions, np.asarray(residuals), iterations, status
