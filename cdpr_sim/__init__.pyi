@@ -40,7 +40,7 @@ from .core.equilibrium import NotConverged as NotConverged
 from .core.equilibrium import NotSettled as NotSettled
 from .core.equilibrium import Stability as Stability
 from .core.equilibrium_batch import EquilibriumBatch as EquilibriumBatch
-from .core.equilibrium_path import EquilibriumPath as EquilibriumPath
+from .core.equilibrium_batch import EquilibriumPath as EquilibriumPath
 from .core.errors import CdprError as CdprError
 from .core.errors import ImplausibleRobot as ImplausibleRobot
 from .core.errors import InvalidInput as InvalidInput

@@ -9,6 +9,7 @@ derivatives are those of ``sensitivity``, so that no step of the solver is diffe
 # JAX is not among the packages for development.
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -130,16 +131,13 @@ def solve(
         raise InvalidInput(f"pose: found an array of shape {start.shape}, expected (..., 3) or (..., 6)")
     before = [start.shape[:-1], *(value.shape[: value.ndim - len(shapes[name])] for name, value in values.items())]
     try:
-        np.broadcast_shapes(*before)
+        batch = np.broadcast_shapes(*before)
     except ValueError:
         found = ", ".join(f"{name} {shape}" for name, shape in zip(["pose", *values], before, strict=True) if shape)
         raise InvalidInput(f"shapes before the last dimensions do not fit one another: {found}") from None
-    rank = max(len(shape) for shape in before)
-    ready = [
-        one.reshape((1,) * (rank - len(shape)) + one.shape)
-        for one, shape in zip((start, *values.values()), before, strict=True)
-    ]  # with as many dimensions before their own: vmap puts another one before these
-    return _equilibrium(robot, tuple(values), *ready)
+    every = {"pose": start.shape[-1:]} | {name: shapes[name] for name in values}
+    arrays = zip((start, *values.values()), every.values(), strict=True)
+    return _equilibrium(robot, tuple(values), *(jnp.broadcast_to(one, batch + own) for one, own in arrays))
 
 
 def _shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
@@ -164,11 +162,7 @@ def _jvp(robot: Robot, names: Sequence[str], primals: Sequence[Any], tangents: S
         raise InvalidInput("pose: found a derivative by the commanded pose, expected one by rest_lengths")
     steps = {name: step for name, step in zip(names, tangents[1:], strict=True) if not isinstance(step, SymbolicZero)}
     *found, by_pose, by_tensions = _called_back(robot, names, tuple(steps), *primals)
-    shapes, batch = _shapes(robot), found[0].shape[:-1]
-    flat = [
-        jnp.broadcast_to(step.reshape(*step.shape[: step.ndim - len(shapes[name])], -1), (*batch, _size(shapes[name])))
-        for name, step in steps.items()
-    ]
+    flat = [step.reshape(*found[0].shape[:-1], -1) for step in steps.values()]
     step = jnp.concatenate(flat, axis=-1)[..., None]
     pose, tensions = (by_pose @ step)[..., 0], (by_tensions @ step)[..., 0]
     turned = jnp.cross(pose[..., None, 3:], found[1], axisb=-2, axisc=-2)
@@ -178,30 +172,23 @@ def _jvp(robot: Robot, names: Sequence[str], primals: Sequence[Any], tangents: S
 _equilibrium.defjvp(_jvp, symbolic_zeros=True)
 
 
-def _size(shape: tuple[int, ...]) -> int:
-    return int(np.prod(shape, dtype=int))
-
-
 def _called_back(robot: Robot, names: Sequence[str], by: Sequence[str], *arrays: jax.Array) -> Sequence[jax.Array]:
     """Results of ``_on_host`` as arrays of JAX."""
-    shapes = _shapes(robot)
-    ranks = [1, *(len(shapes[name]) for name in names)]
-    batch = np.broadcast_shapes(*(one.shape[: one.ndim - rank] for one, rank in zip(arrays, ranks, strict=True)))
-    columns = sum(_size(shapes[name]) for name in by)
+    shapes, batch = _shapes(robot), arrays[0].shape[:-1]
+    columns = sum(math.prod(shapes[name]) for name in by)
     kinds = [(3,), (3, 3), (robot.cables,), *([(6, columns), (robot.cables, columns)] if by else [])]
     results = [jax.ShapeDtypeStruct((*batch, *kind), np.float64) for kind in kinds]
-    return jax.pure_callback(partial(_on_host, robot, names, by, kinds), results, *arrays, vmap_method="expand_dims")
+    return jax.pure_callback(partial(_on_host, robot, names, by, kinds), results, *arrays, vmap_method="broadcast_all")
 
 
 def _on_host(
     robot: Robot, names: Sequence[str], by: Sequence[str], kinds: Sequence[tuple[int, ...]], pose: Any, *values: Any
 ) -> list[np.ndarray]:
     """Positions, rotations and tensions, and with ``by`` the derivatives of pose and tensions by those parameters."""
-    shapes = {"pose": np.shape(pose)[-1:], **_shapes(robot)}
-    arrays = {name: np.asarray(one, dtype=float) for name, one in zip(("pose", *names), (pose, *values), strict=True)}
-    batch = np.broadcast_shapes(*(one.shape[: one.ndim - len(shapes[name])] for name, one in arrays.items()))
+    shapes, batch = {"pose": pose.shape[-1:], **_shapes(robot)}, pose.shape[:-1]
     rows = {
-        name: np.broadcast_to(one, (*batch, *shapes[name])).reshape(-1, *shapes[name]) for name, one in arrays.items()
+        name: np.asarray(one, dtype=float).reshape(-1, *shapes[name])
+        for name, one in zip(("pose", *names), (pose, *values), strict=True)
     }
     count = len(rows["pose"])
     results = [np.full((count, *kind), np.nan) for kind in kinds]

@@ -12,7 +12,8 @@ from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFF
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.gufuncs import equilibrium_gufunc
+from cdpr_sim.statics.cable_kernel import SAGGING
+from cdpr_sim.statics.gufuncs import EQUILIBRIA
 from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 40
@@ -390,7 +391,7 @@ def test_random_robots_of_mixed_cables_rest_where_forces_balance() -> None:
 def test_a_cable_that_comes_half_round_its_wheel_is_said_to_leave_it(seed) -> None:
     """The search ends there, since a wheel holds no more; no equilibrium is returned, and the status is not a limit."""
     robot, position, rest, wrench = random_robot(seed)
-    assert equilibrium_gufunc(sagging=True).compiled  # Python takes minutes for a thousand iterations
+    assert EQUILIBRIA[SAGGING].compiled  # Python takes minutes for a thousand iterations
     found = cdpr.solve_many(robot, position[None], rest, external_wrench=wrench)
     assert Status(int(found.status[0])) is Status.OFF_WHEEL
 

@@ -95,7 +95,7 @@ def test_first_answers_need_no_numba():
 def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypatch):
     """To the last bit; over pulleys to rounding, since NumPy has an arctan2 of its own."""
     robot = catalogue[name]
-    solver = gufuncs.equilibrium_gufunc(bent=robot.cabling.bent)
+    solver = gufuncs.EQUILIBRIA[robot.cabling.bent]
     at = np.random.default_rng(0).uniform(robot.exits.min(0), robot.exits.max(0), (30, 3)) - [0, 0, 0.1]
     monkeypatch.setattr(solver, "_left", 0)
     compiled = cdpr.solve_many(robot, at)

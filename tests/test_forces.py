@@ -50,7 +50,7 @@ def soft_case(seed: int) -> tuple[cdpr.Problem, At, np.ndarray]:
     exits = rng.uniform([-1, -1, 0.6], [1, 1, 1.5], (cables, 3))
     anchors = rng.uniform(-0.15, 0.15, (cables, 3))
     robot = cdpr.Robot(exits, anchors, 50.0, 1.0, center_of_mass=rng.uniform(-0.1, 0.1, 3))
-    at = pose.as_pose(rng.uniform(-0.2, 0.2, 6))
+    at = pose.Pose.of(rng.uniform(-0.2, 0.2, 6)).transform
     lengths = robot.rest_lengths(at) * rng.choice([0.9, 1.1], cables)  # far from the kinks for any step taken here
     direction = rng.normal(size=6)
     return (

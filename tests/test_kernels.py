@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import feasibility
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import derivatives, forces, matrix_kernel
 from cdpr_sim.statics.forces import mass_matrix
-from cdpr_sim.statics.gufuncs import roots_gufunc
+from cdpr_sim.statics.gufuncs import ROOTS
 from cdpr_sim.statics.newton import stiffness_of
 from cdpr_sim.statics.profiles import catenary
 
@@ -229,7 +230,7 @@ def test_cables_are_cut_for_the_tensions_that_are_asked():
     for kind in ("plain", "stiffening"):
         robot, tensions = lopsided(kind), np.linspace(1, 20, 8)
         lengths = robot.rest_lengths(POSES[0])
-        rest = forces.rest_lengths_for(robot, lengths, tensions)
+        rest = cable_law.rest_length_for(lengths, tensions, *robot.cabling.law)
         pose = robot.pose(POSES[0])
         state = forces.at(cdpr.Problem.of(robot, pose, rest), pose.translation, pose.rotation.as_matrix())
         np.testing.assert_allclose(state.tensions, tensions, rtol=1e-9)
@@ -243,7 +244,7 @@ def test_roots_of_the_net_wrench_are_those_of_numpy(kind):
     equilibrium = cdpr.solve(problem)
     turns = Rotation.from_rotvec([(0.0, 0.0, 0.0), (0.01, -0.02, 0.01), (0.3, 0.2, -0.2)]).as_matrix()
     with np.errstate(all="ignore"):
-        positions, rotations, left = roots_gufunc(bent=robot.cabling.bent)(
+        positions, rotations, left = ROOTS[robot.cabling.bent](
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, np.ones(6),
             robot.characteristic_length, 1e-11 * problem.load, 1e-2, equilibrium.position + 1e-3,
             turns @ equilibrium.rotation.as_matrix(),

@@ -12,12 +12,13 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.equilibria import _starts
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.core import compiling
+from cdpr_sim.core.cable import COLUMNS
 from cdpr_sim.core.status import Status
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.statics import forces
+from cdpr_sim.statics import balance_kernel, cable_kernel, forces, newton_kernel, stiffness_kernel
 from cdpr_sim.statics.balance_kernel import BALANCED
-from cdpr_sim.statics.gufuncs import roots_gufunc
+from cdpr_sim.statics.gufuncs import ROOTS
 from cdpr_sim.statics.newton import stiffness_of
 
 SAME = 1e-9
@@ -212,7 +213,7 @@ def test_roots_on_lanes_are_those_of_the_search_from_one_start(massless):
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, free,
             robot.characteristic_length, 1e-11 * problem.load, 1e-2,
         )  # fmt: skip
-        search = roots_gufunc(bent=robot.cabling.bent)
+        search = ROOTS[robot.cabling.bent]
         with np.errstate(all="ignore"):
             one, lanes = search.compiled(*given, *starts), search.compiled_for_all(*given, *starts)
             alone = search.compiled_for_all(*given, *(each[5:6] for each in starts))
@@ -241,9 +242,54 @@ def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
         "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import gufuncs; "
         "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
         "np.save('found.npy', found.positions); "
-        "assert found.converged.all() and gufuncs.equilibrium_gufunc()._compiled is None"
+        "assert found.converged.all() and gufuncs.EQUILIBRIA[0]._compiled is None"
     )
     place = os.environ | {"NUMBA_CPU_NAME": "generic", "PYTHONPATH": str(PACKAGE)}
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)
     equilibria = cdpr.solve_many(robot, poses)
     assert np.abs(np.load(tmp_path / "found.npy") - equilibria.positions).max() <= SAME
+
+
+@pytest.mark.parametrize("cables", [1, 2, 8, 60])
+def test_the_memory_of_lanes_is_enough_for_each_kernel(cables):
+    """As counted with the functions that make the arrays; code on lanes would write beyond it without an error."""
+
+    class Counted:
+        entries, masks = 0, 0
+
+    @compiling.vector.of(Counted)
+    def _vector(room, length):
+        room.entries += length
+        return np.empty(length)
+
+    @compiling.matrix.of(Counted)
+    def _matrix(room, rows, columns):
+        room.entries += rows * columns
+        return np.empty((rows, columns))
+
+    @compiling.truths.of(Counted)
+    def _truths(room, length):
+        room.masks += length
+        return np.empty(length, np.bool_)
+
+    def solver_or_search(room, bent):
+        for _ in range(2):
+            newton_kernel.new_point(room, bent)
+        newton_kernel.new_model(room, cables)
+
+    def at_a_pose(new_scratch):
+        return lambda room, bent: (cable_kernel.new_state(bent, room), new_scratch(room))
+
+    more = {  # beside these: vectors of six numbers, of a number for each cable, and masks
+        "solver": (solver_or_search, 5, 3, 2),
+        "search": (solver_or_search, 16, 1, 1),
+        "stiffness": (at_a_pose(lambda room: stiffness_kernel.new_scratch(room, cables, 6)), 3, 0, 0),
+        "balance": (at_a_pose(lambda room: balance_kernel.new_scratch(room, cables)), 3, 3, 0),
+    }
+    numbers, flags = compiling.memory_of_lanes(cables)
+    for arrays, sixes, each, masks in more.values():
+        room = Counted()
+        bent = list(cable_kernel.TYPES.values())[cable_kernel.BENT](room, np.zeros((cables, COLUMNS)))
+        arrays(room, bent)
+        assert room.entries + 6 * sixes + each * cables <= len(numbers) // compiling.WIDTH
+        assert room.masks + masks * cables <= len(flags)

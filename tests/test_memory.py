@@ -74,7 +74,7 @@ def test_small_steps_go_along_the_commanded_poses():
     """Rest lengths between two commands are the rigid ones of the poses between them; the commands stay themselves."""
     rng = np.random.default_rng(0)
     poses = rng.uniform([0.2, 0.2, 0.1, 0, 0, 0], [0.6, 0.3, 0.12, 0.1, 0.1, 0.1], (5, 3, 6))
-    path = PathProblem.of(with_memory(), poses, steps=4, times=[0, 0, 1, 3, 3])
+    path = PathProblem.of(cdpr.Problems.of(with_memory(), poses), steps=4, times=[0, 0, 1, 3, 3])
     again = cdpr.Problems.of(path.robot, path.fine.positions, rotations=path.fine.rotations)
     assert np.abs(path.fine.rest_lengths - again.rest_lengths).max() < 1e-15
     assert (path.fine.rest_lengths[path.kept] == path.problems.rest_lengths).all()
@@ -94,4 +94,4 @@ def test_small_steps_go_along_the_commanded_poses():
 def test_a_path_that_cannot_be_followed_is_refused(arguments, sentence):
     """One sentence each."""
     with pytest.raises(cdpr.InvalidInput, match=sentence):
-        PathProblem.of(with_memory(), **({"poses": LINE} | arguments))
+        PathProblem.of(cdpr.Problems.of(with_memory(), arguments.pop("poses", LINE)), **arguments)

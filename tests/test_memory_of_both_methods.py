@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.core.equilibrium_path import EquilibriumPath
+from cdpr_sim.core.equilibrium_batch import EquilibriumPath
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.robot_summary import settled_along, solved_along
 

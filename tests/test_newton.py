@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.core import pose as core_pose
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.gufuncs import equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import EQUILIBRIA
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING
 
 SAME = 1e-13
@@ -103,7 +103,7 @@ def test_solver_leaves_a_saddle_for_a_stable_equilibrium():
 
 def test_the_side_on_which_it_leaves_a_saddle_is_not_the_blas_choice(monkeypatch):
     """An eigenvector's sign is: with the other one, the platform turns over the same way, to the last bit."""
-    kernel, decompose, signs = equilibrium_gufunc(), np.linalg.eigh, iter([1.0, -1.0])
+    kernel, decompose, signs = EQUILIBRIA[0], np.linalg.eigh, iter([1.0, -1.0])
 
     def signed(matrix):
         values, vectors = decompose(matrix)
@@ -178,7 +178,7 @@ def test_robots_broadcast_in_the_compiled_solver(catalogue):
     """Two layouts x three masses in one call of the gufunc, each as if solved alone."""
     robots = [catalogue["cogiro"], catalogue["parallel"]]
     masses, pose = np.array([0.2, 0.4, 0.8]), np.array([0.3, 0.25, 0.1])
-    position, *_, status = equilibrium_gufunc()(
+    position, *_, status = EQUILIBRIA[0](
         np.array([robot.cabling.packed for robot in robots])[:, None],
         np.array([robot.rest_lengths(pose) for robot in robots])[:, None],
         masses * robots[0].gravity,

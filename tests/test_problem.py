@@ -258,6 +258,17 @@ def test_problems_of_several_robots_are_each_robots_own_or_refused(parallel):
             question(equilibria)
 
 
+def test_problems_of_different_robots_are_not_stacked(parallel):
+    """They would all be solved with the first one's cables; an equal copy of a robot is the same one."""
+    problem, other = (cdpr.Problem.of(robot, POSE) for robot in (parallel, parallel.replace(axial_stiffness=1e3)))
+    copied = cdpr.Problem.of(parallel.replace(), POSE)
+    assert len(cdpr.Problems.stack([problem, copied])) == 2
+    with pytest.raises(
+        cdpr.InvalidInput, match="problems: found another robot in row 1, expected problems of one robot"
+    ):
+        cdpr.Problems.stack([problem, other])
+
+
 def test_rows_that_cannot_be_asked_say_so(parallel):
     """One that is not finite, and one above all exits, which is well if it is pulled up or has its rest lengths."""
     poses = [POSE, (np.nan, 0.25, 0.1), (0.4, 0.25, 2.0)]

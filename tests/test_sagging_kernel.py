@@ -10,7 +10,8 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.cable import WEIGHT, WRAPPED
 from cdpr_sim.core.status import Status
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
-from cdpr_sim.statics.gufuncs import equilibrium_gufunc
+from cdpr_sim.statics.cable_kernel import SAGGING
+from cdpr_sim.statics.gufuncs import EQUILIBRIA
 from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 300
@@ -36,13 +37,13 @@ class Case:
         with np.errstate(all="ignore"):
             if start is None:
                 given = (robot.cabling.packed, self.rest, *asked, position, np.eye(3))
-                start_position, start_rotation, *_, self.massless_status = equilibrium_gufunc()(*given)
+                start_position, start_rotation, *_, self.massless_status = EQUILIBRIA[0](*given)
             else:
                 start_position, start_rotation = start
             self.start = start_position, start_rotation
             table = robot.cabling.packed.copy()
             table[:, WEIGHT], table[:, WRAPPED] = self.weights, robot.wrapped_lengths
-            found = equilibrium_gufunc(sagging=True)(table, self.rest, *asked, start_position, start_rotation)
+            found = EQUILIBRIA[SAGGING](table, self.rest, *asked, start_position, start_rotation)
         self.position, self.rotation, self.lengths, self.tensions, self.residual, self.iterations, self.status = found
 
     def anchors(self, position, rotation):

@@ -256,7 +256,7 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     )
     work, stretch, tension = np.zeros(cables), turns[0], np.zeros(cables)
     for following in [*cycle, *cycle]:
-        law = MemoryLaw.of(robot, robot.axial_stiffness, rest, memory, 0.0)
+        law = MemoryLaw(robot, robot.axial_stiffness, rest, memory, 0.0)
         pull = _of_knots(*np.moveaxis(law.table()[..., MEMORY_COLUMNS:].reshape(cables, 3, -1), 1, 0), following)
         assert ((pull > 0) == (following > 0)).all()
         memory = law.after(1 + following[:, None], pull[:, None], 0.0)

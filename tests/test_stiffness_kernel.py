@@ -5,7 +5,7 @@ from sample_problems import grid, hanging_mass, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.gufuncs import stiffness_gufunc
+from cdpr_sim.statics.gufuncs import STIFFNESSES
 
 ROUNDING = 1e-11
 """Relative to the largest eigenvalue: 1e-14 measured on DemoBot, 1e-12 where cables are stiff and tensions large."""
@@ -20,7 +20,7 @@ KINK = 1e-12
 def stiffness(problem, positions, rotations):
     """(eigenvalues, lowest frequency) by the compiled kernel."""
     robot = problem.robot
-    return stiffness_gufunc()(
+    return STIFFNESSES[0](
         robot.cabling.packed, problem.rest_lengths, robot.mass, robot.gravity, robot.center_of_mass, robot.inertia,
         np.array(robot.free), robot.characteristic_length, positions, rotations,
     )  # fmt: skip

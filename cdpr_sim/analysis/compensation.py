@@ -38,7 +38,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
 from cdpr_sim.statics.given_tensions import cut
-from cdpr_sim.statics.gufuncs import shortfall_gufunc
+from cdpr_sim.statics.gufuncs import SHORTFALLS
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -424,9 +424,7 @@ def _spread(
     steps[:, 3:] *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(steps[:, 3:], axis=1), 1e-300))[:, None]
     positions = problem.at.position + steps[:, :3]
     rotations = Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ problem.at.rotation_matrix
-    left = over_poses(
-        shortfall_gufunc, robot, limits[0], limits[1], problem.external_wrench[None], positions, rotations
-    )
+    left = over_poses(SHORTFALLS, robot, limits[0], limits[1], problem.external_wrench[None], positions, rotations)
     left = np.where(np.isfinite(left), left, np.inf)
     near, chosen = steps * np.repeat([1.0, arm], 3), []
     while len(chosen) < STARTS and np.isfinite(left).any():

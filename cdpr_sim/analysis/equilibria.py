@@ -24,12 +24,13 @@ from cdpr_sim.core.checks import FLAG, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.pose import PoseLike, as_pose, distance
+from cdpr_sim.core.pose import Pose, PoseLike, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.gufuncs import roots_gufunc
+from cdpr_sim.statics.cable_kernel import SAGGING
+from cdpr_sim.statics.gufuncs import ROOTS
 
 SAME = 1e-3
 """Two equilibria at a distance below this fraction of the characteristic length, with as many unstable directions, are
@@ -119,7 +120,7 @@ class Equilibria(HtmlRepr):
         Returns:
             Its index in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
         """
-        arm, pose = self.problem.robot.characteristic_length, as_pose(pose)
+        arm, pose = self.problem.robot.characteristic_length, Pose.of(pose).transform
         distances = [distance(one.pose, pose, arm) for one in self.found]
         index = int(np.argmin(distances))
         return index, distances[index]
@@ -386,7 +387,7 @@ def _roots(
     """Roots of the net wrench, stable or not, to which the starts lead."""
     robot, free = problem.robot, np.zeros(6)
     free[problem.robot.free] = 1.0
-    search = roots_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)
+    search = ROOTS[robot.cabling.bent if robot.cabling.massless else SAGGING]
     with np.errstate(all="ignore"):
         positions, rotations, left = search.compiled_for_all(
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,

@@ -261,19 +261,6 @@ class Cabling(Frozen):
                 "is not taken into account here"
             )
 
-    def refuse_drive_line(self, what: str) -> None:
-        """Refuse rope between winch and exit, and reeving, where they are not taken into account.
-
-        Raises:
-            InvalidInput: some cable has one of them.
-        """
-        if not self.direct:
-            cable = int(np.argmax((self.winch_to_exit > 0) | (self.reeving > 1)))
-            raise InvalidInput(
-                f"{what}: found winch_to_exit {self.winch_to_exit[cable]:g} m and reeving {self.reeving[cable]} in "
-                f"cable {cable + 1}, expected 0 and 1: the drive line is not taken into account here"
-            )
-
     def beyond_law(
         self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
     ) -> Bool[np.ndarray, "*batch cables"]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from cdpr_sim.core.cable import MOST_STRAIN as M
+from cdpr_sim.core.compiling import inline
 
 STRAIN_STEPS = 30
 """Largest number of Newton steps to the strain of a given tension; five or fewer suffice."""
@@ -37,6 +38,7 @@ def largest_tension(axial_stiffness, a2, a3):
     return np.where((a2 != 0) | (a3 != 0), tension(M, 1.0, axial_stiffness, a2, a3), np.inf)
 
 
+@inline
 def energy(stretch, rest_length, axial_stiffness, a2, a3):
     """∫ tau ds [J]."""
     pulled = np.maximum(stretch, 0.0)
@@ -47,6 +49,7 @@ def energy(stretch, rest_length, axial_stiffness, a2, a3):
     return 0.5 * (axial_stiffness / rest_length * (pulled * pulled)) + axial_stiffness * rest_length * more
 
 
+@inline
 def tangent(stretch, rest_length, axial_stiffness, a2, a3):
     """(k, e): the linear spring k max(e, 0) that has the law's tension and slope at this stretch [N/m, m].
 
@@ -58,6 +61,7 @@ def tangent(stretch, rest_length, axial_stiffness, a2, a3):
     return axial_stiffness / rest_length * slope, (stretch + rest_length * stiffened(strain, a2, a3)) / slope
 
 
+@inline
 def stiffened(strain, a2, a3):
     """tau/EA − eps, the nonlinear part of the law, for eps >= 0."""
     curved = np.minimum(strain, M)

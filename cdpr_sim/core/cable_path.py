@@ -12,8 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.compiling import inline, of_one_number, outlined
 
 
+@inline
 def path(x, y, z):
     """Path of a cable whose exit lies at (x, y, z) from its anchor, base frame [m]: (length, free segment, its length).
 
@@ -25,6 +27,7 @@ def path(x, y, z):
     return length, x, y, z, length
 
 
+@outlined
 def pulley_path(x, y, z, ex, ey, ez, radius):
     """Path over a swivelling wheel: (length, free segment, its length, across, bend, wrap angle, clear).
 
@@ -70,6 +73,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     )
 
 
+@of_one_number
 def wrap_angle(sine, cosine, height):
     """Wrap angle of a cable over a wheel, from 0 to 270°; where it has left the wheel, from −90° to 360°."""
     angle = angle_of(sine, cosine)
@@ -85,9 +89,12 @@ def angle_of(sine, cosine):
     return np.log(cosine + 1j * sine).imag
 
 
-def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
+of_one_number(angle_of, lambda sine, cosine: np.arctan2(sine, cosine))
+
+
+def paths(cabling: Cabling, chords: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
     """Results of ``pulley_path``, or ``path`` for straight cables, by the vectors from anchors to exits."""
-    x, y, z = np.moveaxis(apart, -1, 0)
+    x, y, z = np.moveaxis(chords, -1, 0)
     found = np.zeros((10, *x.shape))
     found[:5] = path(x, y, z)
     over = cabling.pulleys
@@ -111,10 +118,10 @@ def wheel_paths(
 
 
 def wrapped_lengths(
-    cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]
+    cabling: Cabling, chords: Float[np.ndarray, "*batch cables 3"]
 ) -> Float[np.ndarray, "*batch cables"]:
     """What lies on each cable's wheel [m], by where its exit is from its anchor; 0 where it has no path."""
-    return np.nan_to_num(cabling.pulley_radius * paths(cabling, apart)[9])
+    return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
 
 
 def swivel_angles(
@@ -132,20 +139,20 @@ def swivel_angles(
     reference = reference - (reference * axes).sum(1, keepdims=True) * axes
     sideways = np.cross(axes, reference)
     anchors = np.einsum("...ij,cj->...ci", rotations, cabling.anchors) + np.asarray(positions)[..., None, :]
-    apart = anchors - cabling.exits
-    radial = apart - (apart * axes).sum(-1, keepdims=True) * axes
+    chords = anchors - cabling.exits
+    radial = chords - (chords * axes).sum(-1, keepdims=True) * axes
     angles = np.arctan2((radial * sideways).sum(-1), (radial * reference).sum(-1))
     return angles, np.cross(axes, radial) / (radial**2).sum(-1, keepdims=True)
 
 
 def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]) -> str:
     """Message about the first anchor whose cable has no path with the platform at this pose; "" if there is none."""
-    apart = cabling.exits - position - cabling.anchors @ rotation.T
-    lost = np.isnan(paths(cabling, apart)[0])
+    chords = cabling.exits - position - cabling.anchors @ rotation.T
+    lost = np.isnan(paths(cabling, chords)[0])
     if not lost.any():
         return ""
     cable = int(np.argmax(lost))
-    distance = np.linalg.norm(np.cross(cabling.pulley_axis[cable], apart[cable]))
+    distance = np.linalg.norm(np.cross(cabling.pulley_axis[cable], chords[cable]))
     return (
         f"the anchor of cable {cable + 1} inside or below its pulley's wheel, {distance:.3g} m from the pulley's axis, "
         f"expected a larger distance than the radius, {cabling.pulley_radius[cable]:g} m"
@@ -180,14 +187,14 @@ def lengths(
     at, turn = np.asarray(positions)[..., None], rotations[..., None]
     many = at.ndim > 2 and rotations.shape[:-2] in ((), at.shape[:-2])
     if many and (rotations == np.eye(3)).all():  # the same numbers, sooner
-        apart = at + anchors.swapaxes(-1, -2)
+        chords = at + anchors.swapaxes(-1, -2)
     else:
         a, b, c = (anchors[..., None, :, axis] for axis in range(3))
         # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
-        apart = turn[..., 1, :] * b + at
-        apart += turn[..., 0, :] * a + turn[..., 2, :] * c
-    np.subtract(exits.swapaxes(-1, -2), apart, out=apart)
-    coordinates = apart[..., 0, :], apart[..., 1, :], apart[..., 2, :]
+        chords = turn[..., 1, :] * b + at
+        chords += turn[..., 0, :] * a + turn[..., 2, :] * c
+    np.subtract(exits.swapaxes(-1, -2), chords, out=chords)
+    coordinates = chords[..., 0, :], chords[..., 1, :], chords[..., 2, :]
     found = path(*coordinates)[0]
     if cabling.bent and cabling.pulleys.any():
         over = cabling.pulleys

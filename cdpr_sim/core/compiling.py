@@ -17,7 +17,8 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -36,6 +37,9 @@ LANES_FROM = 1000
 """Elements from which on they are evaluated eight at a time (``lanes``), of kernels that can. For fewer, loading that
 code takes longer than it saves. It is also the least number in a piece that threads evaluate, so that the
 pieces of a batch are evaluated as the whole is."""
+
+WIDTH = 8
+"""Numbers in ``lanes.Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""
 
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
@@ -104,7 +108,7 @@ class Kernel(Compiled):
 
     def __init__(
         self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (),
-        many: Callable | None = None, alike: tuple[str, ...] = (),
+        lanes: Callable[[], Callable] | None = None, alike: tuple[str, ...] = (), finish: Callable | None = None,
     ) -> None:  # fmt: skip
         """Stores the arguments; nothing is compiled yet.
 
@@ -113,12 +117,14 @@ class Kernel(Compiled):
             function: of one element's inputs and results, which it fills in; scalars are arrays of one entry.
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
-            many: what evaluates ``LANES_FROM`` elements and more, on lanes: a function of this kernel and of its
-                inputs, each with two axes of elements, which may be broadcast. The results have these axes, too.
-            alike: names of inputs that are the same for all elements, which ``many`` takes without these axes.
+            lanes: makes the code that evaluates ``LANES_FROM`` elements and more, on lanes: of the inputs, each with
+                two axes of elements, which may be broadcast; the arrays of a ``lanes.Room``; and the results, which
+                have these axes, too, and are to be filled in.
+            alike: names of inputs that are the same for all elements, which that code takes without these axes.
+            finish: function of this kernel, those inputs and those results, which completes the results.
         """
         super().__init__(what, function, layout)
-        self._left, self._many, self._alike = FEW, many, alike
+        self._left, self._lanes, self._alike, self._finish = FEW, lanes, alike, finish
         kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")
@@ -128,13 +134,13 @@ class Kernel(Compiled):
 
     def __call__(self, *inputs: Any) -> Any:
         """Evaluate each element: interpreted for the first few, on lanes if there are many, else compiled."""
-        if self._compiled is None or self._many is not None:
+        if self._compiled is None or self._lanes is not None:
             arrays = zip(map(np.asarray, inputs), self.axes, strict=True)
             loops = [array.shape[: array.ndim - own] for array, own in arrays if array.ndim > own]
             loop = np.broadcast_shapes(*loops) if loops else ()
             count = math.prod(loop)
-            if self._many is not None and count >= LANES_FROM:
-                return self._on_lanes(self._many, loop, *inputs)
+            if self._lanes is not None and count >= LANES_FROM:
+                return self._on_lanes(loop, *inputs)
             if self._compiled is None and count <= self._left:
                 self._left -= count
                 return self._interpreted(loop, *inputs)
@@ -142,9 +148,9 @@ class Kernel(Compiled):
 
     def compiled_for_all(self, *inputs: Any) -> Any:
         """Evaluate all elements on lanes if this kernel can, however few they are, else compiled."""
-        if self._many is None:
+        if self._lanes is None:
             return self.compiled(*inputs)
-        return self._on_lanes(self._many, np.shape(inputs[-1])[: -self.axes[-1]], *inputs)
+        return self._on_lanes(np.shape(inputs[-1])[: -self.axes[-1]], *inputs)
 
     def _build(self) -> Any:
         import numba
@@ -157,16 +163,32 @@ class Kernel(Compiled):
         with _optimised(WHOLE):
             return gufunc.build_ufunc().ufunc
 
-    def _on_lanes(self, many: Callable, loop: tuple[int, ...], *inputs: Any) -> Any:
+    @cached_property
+    def _of_many(self) -> Compiled:
+        types = []
+        for name, (kind, dims) in zip(self._names, self._inputs, strict=True):
+            axes = len(dims) + 2 * (name not in self._alike)
+            types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else kind)
+        types += ["float64[::1]", "uint8[::1]"]
+        types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims in self._results]
+        code, signature = cast(Any, self._lanes)(), f"void({', '.join(types)})"
+        return Compiled(f"{self._what}, eight at a time", code, signature, error_model="numpy", nogil=True)
+
+    def _on_lanes(self, loop: tuple[int, ...], *inputs: Any) -> Any:
         import_numba()
-        whole = []
+        sizes, whole, pieces = {}, [], (math.prod(loop[:-1]), loop[-1])
         for name, value, (kind, dims) in zip(self._names, inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
+            core = array.shape[array.ndim - len(dims) :]
+            sizes |= zip(dims, core, strict=True)
             if name not in self._alike:
-                core = array.shape[array.ndim - len(dims) :]
-                array = np.broadcast_to(array, loop + core).reshape(math.prod(loop[:-1]), loop[-1], *core)
-            whole.append(array)
-        results = [column.reshape(loop + column.shape[2:]) for column in many(self, *whole)]
+                array = np.broadcast_to(array, loop + core).reshape(pieces + core)
+            whole.append(array if array.ndim else array[()])
+        results = [np.empty([*pieces, *(sizes[name] for name in dims)], kind) for kind, dims in self._results]
+        self._of_many.compiled(*whole, *memory_of_lanes(sizes["m"]), *results)
+        if self._finish is not None:
+            self._finish(self, whole, results)
+        results = [column.reshape(loop + column.shape[2:]) for column in results]
         return tuple(results) if len(results) > 1 else results[0]
 
     def _interpreted(self, loop: tuple[int, ...], *inputs: Any) -> Any:
@@ -206,15 +228,30 @@ outlined = for_kernels()
 """The same for functions that are rarely called."""
 
 
-def by_type(alternatives: dict[type, Callable]) -> Callable:
-    """One function for several types of named tuples as its first argument; compiled, the choice has no cost."""
+def by_type(default: Callable) -> Any:
+    """Decorator like ``inline`` of a function that has another coding for some types of its first argument.
+
+    Those types are named tuples; ``of(Kind)``, an attribute of the result, decorates the coding for them. Compiled, the
+    choice has no cost.
+    """
+    codings: dict[type, Callable] = {}
 
     def function(first, *others):
-        return alternatives[type(first)](first, *others)
+        return codings.get(type(first), default)(first, *others)
+
+    def of(*kinds: type) -> Callable:
+        def register(coding: Callable) -> Callable:
+            codings.update(dict.fromkeys(kinds, coding))
+            return coding
+
+        return register
 
     _called_by_kernels.append(
-        lambda: compile_as(function, lambda first, *_: alternatives[first.instance_class], forceinline=True)
+        lambda: compile_as(
+            function, lambda first, *_: codings.get(first.instance_class, default), True, forceinline=True
+        )
     )
+    cast(Any, function).of = of
     return function
 
 
@@ -247,12 +284,54 @@ def nowhere(condition):
     return not condition
 
 
-def compile_as(function: Callable, choose: Callable, **options: Any) -> None:
-    """Make Numba compile the function that ``choose`` returns, where a kernel calls ``function``."""
+class Heap(NamedTuple):
+    """Where arrays of numbers are made, one by one; arrays of lanes are made in a ``lanes.Room``.
+
+    width: numbers in an entry.
+    """
+
+    width: int
+
+
+HEAP = Heap(1)
+
+
+@by_type
+def vector(room, length):
+    """A vector that is to be filled in."""
+    return np.empty(length)
+
+
+@by_type
+def matrix(room, rows, columns):
+    """A matrix that is to be filled in."""
+    return np.empty((rows, columns))
+
+
+@by_type
+def truths(room, length):
+    """A vector of truth values that is to be filled in."""
+    return np.empty(length, np.bool_)
+
+
+def memory_of_lanes(cables: int) -> tuple[np.ndarray, np.ndarray]:
+    """Memory of a ``lanes.Room`` for any kernel and so many cables; entries begin at multiples of their size.
+
+    The solver needs 56 entries for each cable and 145, the balance of forces cables² + 49 cables + 54.
+    """
+    numbers = np.zeros((cables * cables + 64 * cables + 260) * WIDTH)
+    return numbers[-(numbers.ctypes.data // 8) % WIDTH :], np.zeros(3 * cables, np.uint8)
+
+
+def compile_as(function: Callable, choose: Callable, literal: bool = False, **options: Any) -> None:
+    """Make Numba compile the function that ``choose`` returns, where a kernel calls ``function``.
+
+    With ``literal``, it knows the values of arguments that are written as numbers.
+    """
     from numba.extending import overload
 
     how: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
-    overload(function, jit_options=how, strict=False)(choose)
+    overload(function, jit_options=how, strict=False, prefer_literal=literal)(choose)
 
 
 def import_numba() -> None:

@@ -28,7 +28,7 @@ def describe_cables(robot: Robot, unit: str = "") -> str:
     """Name of the cables, their stiffness as ``describe_stiffness`` writes it, and ``describe_properties``."""
     stiffness = describe_stiffness(robot, unit)
     cables = f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
-    return "".join([cables, *(f", {words}" for words in describe_properties(robot))])
+    return "".join([cables, *(f", {one}" for one in describe_properties(robot))])
 
 
 def cables_name(robot: Robot) -> str:
@@ -43,22 +43,22 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     line", "2 % friction at the exit", "10 % of EA with hysteresis", "25 % of the stretch as creep"; with the number of
     cables if not all.
     """
-    cabling, words = robot.cabling, []
+    cabling, parts = robot.cabling, []
     if not cabling.massless:
         with_mass = cabling.linear_density > 0
-        words.append(f"{span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
+        parts.append(f"{span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
     if not cabling.linear:
         nonlinear = np.asarray(cabling.stiffening.any(-1))
         a2, a3 = cabling.stiffening[nonlinear].T
-        words.append(f"nonlinear with a2 = {span(a2)}, a3 = {span(a3)}{_some(nonlinear)}")
+        parts.append(f"nonlinear with a2 = {span(a2)}, a3 = {span(a3)}{_some(nonlinear)}")
     if cabling.pulleys.any():
         radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
-        words.append(f"over pulleys of {span(radius)} mm radius{_some(cabling.pulleys)}")
+        parts.append(f"over pulleys of {span(radius)} mm radius{_some(cabling.pulleys)}")
     behind, several = cabling.winch_to_exit > 0, cabling.reeving > 1
     if behind.any():
-        words.append(f"{span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
+        parts.append(f"{span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
     if several.any():
-        words.append(f"{span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
+        parts.append(f"{span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
     for name, unit, shares in (
         ("pulley_friction", "% friction at the exit", cabling.pulley_friction),
         ("hysteresis", "% of EA with hysteresis", cabling.hysteresis[..., 0].sum(-1)),
@@ -66,8 +66,8 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     ):
         which = cabling.has(name)
         if which.any():
-            words.append(f"{span(100 * shares[which])} {unit}{_some(which)}")
-    return tuple(words)
+            parts.append(f"{span(100 * shares[which])} {unit}{_some(which)}")
+    return tuple(parts)
 
 
 def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:

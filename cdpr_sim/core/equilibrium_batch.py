@@ -1,4 +1,4 @@
-"""``EquilibriumBatch``: a stack of equilibria of one robot, with a status for each row."""
+"""``EquilibriumBatch``: a stack of equilibria of one robot, with a status for each row; ``EquilibriumPath``."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled, Stability, stability_of
 from cdpr_sim.core.html_repr import HtmlRepr
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.pose import Pose, euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
@@ -171,3 +172,16 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     def __repr__(self) -> str:
         done = int(self.converged.sum())
         return f"<{type(self).__name__} of {self.robot.name!r} by {self.source}: {self.shape}, {done} in equilibrium>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EquilibriumPath(EquilibriumBatch):
+    """Equilibria along a path, (steps, ...): a batch whose rows follow one another; further dimensions are paths.
+
+    Attributes:
+        times: time of each step, (steps,) [s].
+        memory: the memory at the end, with which ``solve_path`` and ``settle_path`` can continue.
+    """
+
+    times: Float[np.ndarray, " steps"]
+    memory: Memory

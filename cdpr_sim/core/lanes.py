@@ -45,16 +45,13 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import models, register_model
 
-from cdpr_sim.core.compiling import compile_as, inline, nowhere, where
+from cdpr_sim.core.compiling import WIDTH, compile_as, matrix, nowhere, truths, vector, where
 
 # Numba's annotations of these are wrong.
 intrinsic = cast(Any, extending.intrinsic)
 lower_builtin = cast(Any, imputils.lower_builtin)
 lower_cast = cast(Any, imputils.lower_cast)
 infer_global = cast(Any, templates.infer_global)
-
-WIDTH = 8
-"""Numbers in ``Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""
 
 FLAGS = ("contract", "nsz", "arcp")
 
@@ -242,36 +239,29 @@ _STEP = {LANES: WIDTH, MASK: 1}
 """Doubles of an entry; bytes of a mask."""
 
 
-def _new(entry: Many, columns: int, name: str) -> Any:
-    """Function that makes an array of given memory."""
-    kind = LaneArrayType(entry, columns)
+@intrinsic(prefer_literal=True)
+def _array_at(context, memory, first, length, columns):
+    """Array of so many rows and columns, 0 of a vector, in memory from an entry on; the memory must outlive the array.
 
-    def at(typing: Any, memory: Any, row: Any, length: Any) -> Any:
-        def code(context, b, sig, args):
-            memory = context.make_array(sig.args[0])(context, b, args[0])
-            made = cgutils.create_struct_proxy(kind)(context, b)
-            made.start = b.gep(memory.data, [b.mul(args[1], ir.Constant(_INT, _STEP[entry]))])
-            made.length = args[2]
-            return made._getvalue()
-
-        return kind(memory, types.int64, types.int64), code
-
-    at.__name__ = name
-    at.__doc__ = f"""Array of {entry.name} with {columns or "no"} columns and ``length`` rows, in memory from a row.
-
-    A row of lanes are WIDTH doubles, a row of masks is one byte. The memory must outlive the array.
+    An entry of lanes is WIDTH doubles, one of masks is a byte.
     """
-    return intrinsic(at)
+    entry = LANES if memory.dtype is types.float64 else MASK
+    kind = LaneArrayType(entry, columns.literal_value)
 
+    def code(context, b, sig, args):
+        memory = context.make_array(sig.args[0])(context, b, args[0])
+        made = cgutils.create_struct_proxy(kind)(context, b)
+        made.start = b.gep(memory.data, [b.mul(args[1], ir.Constant(_INT, _STEP[entry]))])
+        made.length = args[2]
+        return made._getvalue()
 
-_vector_at, _matrix3_at, _matrix6_at = (_new(LANES, columns, f"lanes_{columns}") for columns in (0, 3, 6))
-_masks_at = _new(MASK, 0, "masks")
+    return kind(memory, types.int64, types.int64, columns), code
 
 
 class Room(NamedTuple):
-    """Memory of lane arrays, and how many rows of it are taken: of numbers, and of masks.
+    """Memory of lane arrays, and how many entries of it are taken: of numbers, and of masks; ``compiling.Heap`` here.
 
-    Made by ``room_for``, outside compiled code, and longer-lived than the arrays.
+    ``Kernel`` makes the memory, outside compiled code, so that it outlives the arrays.
     """
 
     numbers: np.ndarray
@@ -279,39 +269,22 @@ class Room(NamedTuple):
     taken: np.ndarray
 
 
-def room_for(entries: int, masks: int = 0) -> Room:
-    """Memory for so many entries of arrays of lanes, and of masks; entries begin at multiples of their size."""
-    numbers = np.ones((entries + 1) * WIDTH)
-    numbers = numbers[-(numbers.ctypes.data // 8) % WIDTH :]
-    return Room(numbers, np.zeros(masks, np.uint8), np.zeros(2, np.int64))
-
-
-@inline
-def vector(room, length):
-    """A vector of lanes."""
+@vector.of(Room)
+def _vector(room, length):
     room.taken[0] += length
-    return _vector_at(room.numbers, room.taken[0] - length, length)
+    return _array_at(room.numbers, room.taken[0] - length, length, 0)
 
 
-@inline
-def matrix3(room, length):
-    """A matrix of lanes with three columns."""
-    room.taken[0] += 3 * length
-    return _matrix3_at(room.numbers, room.taken[0] - 3 * length, length)
+@matrix.of(Room)
+def _matrix(room, rows, columns):
+    room.taken[0] += rows * columns
+    return _array_at(room.numbers, room.taken[0] - rows * columns, rows, columns)
 
 
-@inline
-def matrix6(room, length):
-    """A matrix of lanes with six columns."""
-    room.taken[0] += 6 * length
-    return _matrix6_at(room.numbers, room.taken[0] - 6 * length, length)
-
-
-@inline
-def masks(room, length):
-    """A vector of masks."""
+@truths.of(Room)
+def _masks(room, length):
     room.taken[1] += length
-    return _masks_at(room.flags, room.taken[1] - length, length)
+    return _array_at(room.flags, room.taken[1] - length, length, 0)
 
 
 def _index_of(array: Any, index: Any) -> tuple[Any, Any]:

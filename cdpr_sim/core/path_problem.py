@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, whole
@@ -62,27 +62,17 @@ class PathProblem(Frozen):
 
     @classmethod
     def of(
-        cls,
-        robot: Robot | Problems,
-        poses: RigidTransform | ArrayLike | None = None,
-        rest_lengths: ArrayLike | None = None,
-        external_wrench: ArrayLike | None = None,
-        *,
-        rotations: ArrayLike | None = None,
-        times: ArrayLike | None = None,
-        memory: Memory | None = None,
-        steps: int = 1,
+        cls, problems: Problems, *, times: ArrayLike | None = None, memory: Memory | None = None, steps: int = 1
     ) -> PathProblem:
-        """The path from users' arguments, which are those of ``solve_path``.
+        """The path through these commands; the other arguments are those of ``solve_path``.
 
         Steps between two commands go along the commanded poses: between lengths that are interpolated, cables would
         change by more than their stretch. Given rest lengths are interpolated by their difference from the rigid ones.
 
         Raises:
-            InvalidInput: invalid commands; a single pose in place of a path; times that decrease; a memory of other
-                cables; steps that are no whole number.
+            InvalidInput: a single pose in place of a path; times that decrease; a memory of other cables; steps that
+                are no whole number.
         """
-        problems = Problems.of(robot, poses, rest_lengths, external_wrench, rotations=rotations)
         robot, shape = problems.robot, problems.shape
         if not shape:
             raise InvalidInput("poses: found a single pose, expected a path, (steps, 3) or (steps, 6)")

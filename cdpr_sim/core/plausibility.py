@@ -70,22 +70,6 @@ def implausibilities(
         yield "found all anchors in one point, about which the platform swings freely"
 
 
-def surroundings(frame: Float[np.ndarray, "2 3"]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Two opposite corners of the box of plausible commanded positions; unbounded if the frame is a point."""
-    margin = OUTSIDE * math.dist(*frame) or np.inf
-    lower, upper = (frame + np.array([[-margin], [margin]])).tolist()
-    return (*lower[:2], -np.inf), tuple(upper)
-
-
-def warn_of_outside(name: str, frame: Float[np.ndarray, "2 3"]) -> None:
-    """Warn that a robot of this name and frame is commanded to a position outside."""
-    lower, upper = (f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in frame)
-    warn(
-        f"{name}: found a commanded position beside or above the frame, which reaches from {lower} to {upper} m; are "
-        "its units the same?"
-    )
-
-
 def checked_diameter(diameter: float) -> float:
     """The diameter of a rope [m], with a warning if no such rope exists.
 

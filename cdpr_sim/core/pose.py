@@ -113,15 +113,6 @@ class Posed(Frozen):
         return self.at.rotation_matrix
 
 
-def as_pose(pose: PoseLike) -> RigidTransform:
-    """The pose that ``pose`` describes, as ``Pose.of`` reads it.
-
-    Raises:
-        InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
-    """
-    return Pose.of(pose).transform
-
-
 def _refuse_impossible(position: np.ndarray, rotation: np.ndarray) -> None:
     found = [*position.tolist(), *rotation.tolist()]
     if not all(map(math.isfinite, found)):  # on so few numbers, faster than NumPy
@@ -154,13 +145,8 @@ def euler_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.nda
     return angles
 
 
-def tilt(rotation: Rotation) -> float:
-    """The angle [rad] between the platform's z axis and the vertical."""
-    return float(tilt_of_matrices(rotation.as_matrix()))
-
-
 def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
-    """``tilt`` of rotation matrices, (...) [rad]."""
+    """The angle between the platform's z axis and the vertical, of rotation matrices, (...) [rad]."""
     upright = matrices[..., 2, 2].copy()  # NumPy 2.0's arctan2 of strided numbers differs by an ulp with their address
     return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), upright)
 

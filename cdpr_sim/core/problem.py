@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import SupportsIndex
+from typing import Any, SupportsIndex
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,8 +16,8 @@ from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.plausibility import warn_of_outside
-from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
+from cdpr_sim.core.plausibility import warn
+from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.core.status import IDLE_STRAIN, Status
@@ -115,6 +115,16 @@ class Problem(Posed, HtmlRepr):
         return self.robot.mass
 
     @property
+    def center_of_mass(self) -> Float[np.ndarray, "3"]:
+        """In the platform frame, (3,) [m]."""
+        return self.robot.center_of_mass
+
+    @property
+    def characteristic_length(self) -> float:
+        """``Robot.characteristic_length`` [m]."""
+        return self.robot.characteristic_length
+
+    @property
     def load(self) -> float:
         """The largest of weight, external force and external torque over the characteristic length [N]."""
         return max(self.robot.weight, float(np.abs(self.external_wrench / self.robot.units).max()))
@@ -131,13 +141,10 @@ class Problem(Posed, HtmlRepr):
             True if equilibria of the two can be compared.
         """
         refuse_unless(Problem, other=other)
-        mine, theirs = self.robot, other.robot
         return (
             np.array_equal(self.rest_lengths, other.rest_lengths)
             and np.array_equal(self.external_wrench, other.external_wrench)
-            and (mine.mass, mine.gravity, mine.mobility) == (theirs.mass, theirs.gravity, theirs.mobility)
-            and np.array_equal(mine.center_of_mass, theirs.center_of_mass)
-            and (mine.cabling is theirs.cabling or mine.cabling.same_as(theirs.cabling))
+            and _same_robot(self.robot, other.robot)
         )
 
     def __repr__(self) -> str:
@@ -148,6 +155,12 @@ class Problem(Posed, HtmlRepr):
             f"<Problem of {self.robot.name!r}: commanded to ({x:.6g}, {y:.6g}, {z:.6g}) m, "
             f"cables of {least:.4g} to {most:.4g} m{load}>"
         )
+
+
+OWN_AXES = {
+    "positions": 1, "rotations": 2, "rest_lengths": 1, "external_wrench": 1, "axial_stiffness": 1, "mass": 0, "falls": 0
+}  # fmt: skip
+"""Arrays of ``Problems``, and the number of axes that belong to each row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,6 +316,9 @@ class Problems(Frozen):
             refuse_unless(Problem, problems=problem)
         if len(problems) == 0:
             raise InvalidInput("problems: found none, expected at least one")
+        for row, problem in enumerate(problems):
+            if not _same_robot(problem.robot, problems[0].robot):
+                raise InvalidInput(f"problems: found another robot in row {row}, expected problems of one robot")
         return cls(
             robot=problems[0].robot,
             positions=np.array([problem.position for problem in problems]),
@@ -335,18 +351,8 @@ class Problems(Frozen):
             InvalidInput: problems of several robots.
         """
         self.refuse_several_robots("problems")
-        positions = self._at(self.positions, (rows,), 1)
-        return Problems(
-            robot=self.robot,
-            positions=positions,
-            rotations=self._at(self.rotations, (rows,), 2),
-            rest_lengths=self._at(self.rest_lengths, (rows,), 1),
-            external_wrench=self._at(self.external_wrench, (rows,), 1),
-            axial_stiffness=self._at(self.axial_stiffness, (rows,), 1),
-            mass=self._at(self.mass, (rows,), 0),
-            shape=positions.shape[:-1],
-            falls=self._at(self.falls, (rows,), 0),
-        )
+        parts = self._rows((rows,))
+        return Problems(robot=self.robot, shape=parts["mass"].shape, **parts)
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -367,19 +373,23 @@ class Problems(Frozen):
             raise InvalidInput(
                 f"row: found {row} of problems of shape {self.shape}, expected {len(self.shape)} indices"
             )
-        stiffness, mass = self._at(self.axial_stiffness, at, 1), float(self._at(self.mass, at, 0))
+        found = self._rows(at)
         robot, changes = self.robot if self.robots is None else self.robots.robot_at(int(at[0])), {}
-        if not np.array_equal(stiffness, robot.axial_stiffness):
-            changes["axial_stiffness"] = stiffness
-        if mass != robot.mass:
-            changes["mass"] = mass
-        pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
-        rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
-        return Problem(robot.replace(**changes) if changes else robot, pose, rest, wrench)
+        if not np.array_equal(found["axial_stiffness"], robot.axial_stiffness):
+            changes["axial_stiffness"] = found["axial_stiffness"]
+        if found["mass"] != robot.mass:
+            changes["mass"] = float(found["mass"])
+        pose = Pose(found["positions"].copy(), found["rotations"].copy())
+        robot = robot.replace(**changes) if changes else robot
+        return Problem(robot, pose, found["rest_lengths"].copy(), found["external_wrench"].copy())
 
-    def _at(self, array: np.ndarray, row: tuple, core: int) -> np.ndarray:
-        """One row of an array whose last ``core`` dimensions belong to each row."""
-        return np.broadcast_to(array, self.shape + array.shape[array.ndim - core :])[row]
+    def _rows(self, index: tuple) -> dict[str, Any]:
+        """Some rows of each array, by its name."""
+        found = {}
+        for name, own in OWN_AXES.items():
+            array = getattr(self, name)
+            found[name] = np.broadcast_to(array, self.shape + array.shape[array.ndim - own :])[index]
+        return found
 
     def cable_table(self) -> Float[np.ndarray, "*batch cables columns"]:
         """The cables of all rows, or of each robot, as a table for compiled code.
@@ -453,7 +463,7 @@ def positions_and_rotations(
         except InvalidInput:  # a list with transforms, or of vectors that differ in length
             if not isinstance(poses, (list, tuple)):
                 raise
-            poses = RigidTransform.concatenate([as_pose(pose) for pose in poses])
+            poses = RigidTransform.concatenate([Pose.of(pose).transform for pose in poses])
     if isinstance(poses, RigidTransform):
         at, turned = poses.translation, poses.rotation.as_matrix()
         if rotations is not None:
@@ -481,6 +491,15 @@ def positions_and_rotations(
                 f"{field}: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
             )
     return at, turned
+
+
+def _same_robot(one: Robot, other: Robot) -> bool:
+    """Whether both have the same cables, load and free directions, to the last bit."""
+    return one is other or (
+        (one.mass, one.gravity, one.mobility) == (other.mass, other.gravity, other.mobility)
+        and np.array_equal(one.center_of_mass, other.center_of_mass)
+        and (one.cabling is other.cabling or one.cabling.same_as(other.cabling))
+    )
 
 
 def _fitting(parts: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
@@ -559,7 +578,11 @@ def warn_where_outside(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -
     least, most = (end.tolist() for end in ends)  # comparing Python numbers is ten times faster
     (x, y, _), (right, back, top) = robot.surroundings
     if least[0] < x or least[1] < y or most[0] > right or most[1] > back or most[2] > top:
-        warn_of_outside(robot.name, robot.frame)
+        lower, upper = (f"({', '.join(f'{edge:.4g}' for edge in corner)})" for corner in robot.frame)
+        warn(
+            f"{robot.name}: found a commanded position beside or above the frame, which reaches from {lower} to "
+            f"{upper} m; are its units the same?"
+        )
 
 
 def _shortest(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:

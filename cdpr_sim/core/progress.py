@@ -25,9 +25,9 @@ def bar(what: str, total: float, *, show: bool = True) -> Iterator[Callable[[flo
 def saying(show: bool = True) -> Iterator[Callable[[str], None]]:
     """A line on standard error, and the function that changes it; nothing if standard error is not a terminal."""
     if not show:
-        yield lambda words: None
+        yield lambda text: None
         return
     from rich.console import Console
 
     with Console(stderr=True).status("") as status:
-        yield lambda words: status.update(words)
+        yield lambda text: status.update(text)

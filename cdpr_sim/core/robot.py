@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import inspect
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -32,7 +33,7 @@ from cdpr_sim.core.checks import (
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.materials import load_material
-from cdpr_sim.core.plausibility import implausibilities, surroundings, warn
+from cdpr_sim.core.plausibility import OUTSIDE, implausibilities, warn
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.with_mass import WithMass
 
@@ -353,8 +354,10 @@ class Robot(HtmlRepr):
 
     @cached_property
     def surroundings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Two opposite corners of the box of plausible positions [m]; unbounded below."""
-        return surroundings(self.frame)
+        """Two opposite corners of the box of plausible positions [m]; unbounded below, or if the frame is a point."""
+        margin = OUTSIDE * math.dist(*self.frame) or np.inf
+        lower, upper = (self.frame + np.array([[-margin], [margin]])).tolist()
+        return (*lower[:2], -np.inf), tuple(upper)
 
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be possible for this robot.
@@ -406,12 +409,20 @@ class Robot(HtmlRepr):
                 load or strain a cable beyond the range of its law, or are less than what a cable's weight alone gives;
                 a pretension near which no tensions within the force limits balance the load.
         """
-        lengths = self._path_lengths(pose)
+        at = self.placed(pose)
+        lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
+        if not lengths.min() > 0:
+            if np.isnan(lengths).any():
+                raise InvalidInput(f"pose: found {cable_path.off_wheel(self.cabling, at.position, at.rotation_matrix)}")
+            cable = int(np.argmin(lengths))
+            raise InvalidInput(
+                f"pose: the exit of cable {cable + 1} lies on its anchor there, expected a cable longer than 0"
+            )
         if tensions is None:
             if external_wrench is not None:
                 raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
             return lengths
-        return self._balancing(self.placed(pose), tensions, external_wrench)
+        return self._balancing(at, tensions, external_wrench)
 
     def _balancing(
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
@@ -473,19 +484,6 @@ class Robot(HtmlRepr):
                 f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
             )
         return WithMass.cut(self, at.position, at.rotation_matrix, pulls)
-
-    def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
-        """Lengths of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
-        at = self.placed(pose)
-        lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
-        if not lengths.min() > 0:
-            if np.isnan(lengths).any():
-                raise InvalidInput(f"pose: found {cable_path.off_wheel(self.cabling, at.position, at.rotation_matrix)}")
-            cable = int(np.argmin(lengths))
-            raise InvalidInput(
-                f"pose: the exit of cable {cable + 1} lies on its anchor there, expected a cable longer than 0"
-            )
-        return lengths
 
     def replace(self, **changes) -> Robot:
         """A copy with some fields changed; ``material="fishing-0.4mm"`` sets stiffness and breaking load as well.

@@ -96,7 +96,7 @@ class RobotBatch(Frozen):
         table[..., ANCHOR : ANCHOR + 3] = self.anchors[:, None]
         table[..., STIFFNESS] = robot.reeving * axial_stiffness
         if not robot.cabling.massless:
-            apart = self.exits - robot.home - self.anchors
+            chords = self.exits - robot.home - self.anchors
             table[..., WEIGHT] = self.cable_weights[:, None]
-            table[..., WRAPPED] = cable_path.wrapped_lengths(robot.cabling, apart)[:, None]
+            table[..., WRAPPED] = cable_path.wrapped_lengths(robot.cabling, chords)[:, None]
         return table

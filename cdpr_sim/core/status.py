@@ -20,34 +20,24 @@ IDLE_STRAIN = 1e-3
 class Status(enum.IntEnum):
     """Outcome of a solve or a settling; ``sentence`` describes it."""
 
-    PENDING = -1
-    CONVERGED = 0
-    ITERATION_LIMIT = 1
-    STALLED = 2
-    NOT_FINITE = 3
-    FALLS = 4
-    DIVERGED = 5
-    MOVING = 6
-    OVERSTRAINED = 7
-    OFF_WHEEL = 8
-    TOO_SHORT = 9
+    sentence: str
 
-    @property
-    def sentence(self) -> str:
-        """Meaning of the status."""
-        return _SENTENCES[self]
+    def __new__(cls, number: int, sentence: str) -> Status:
+        """A member of this number."""
+        member = int.__new__(cls, number)
+        member._value_, member.sentence = number, sentence
+        return member
 
-
-_SENTENCES = {
-    Status.PENDING: "not computed yet",
-    Status.CONVERGED: "forces balance",
-    Status.ITERATION_LIMIT: "no equilibrium was reached within the allowed iterations or time steps",
-    Status.STALLED: "no step lowers the energy any more, but forces do not balance to tolerance",
-    Status.NOT_FINITE: "the input is not finite, or a cable is shorter than rounding",
-    Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
-    Status.DIVERGED: "the simulation in MuJoCo became unstable",
-    Status.MOVING: "the platform is moving",
-    Status.OVERSTRAINED: f"a cable is strained by more than {MOST_STRAIN:.0%}, beyond the range of its nonlinear law",
-    Status.OFF_WHEEL: "a cable leaves its pulley's wheel",
-    Status.TOO_SHORT: "a cable with mass is so short that the first mass of its chain in MuJoCo could touch its wheel",
-}
+    PENDING = -1, "not computed yet"
+    CONVERGED = 0, "forces balance"
+    ITERATION_LIMIT = 1, "no equilibrium was reached within the allowed iterations or time steps"
+    STALLED = 2, "no step lowers the energy any more, but forces do not balance to tolerance"
+    NOT_FINITE = 3, "the input is not finite, or a cable is shorter than rounding"
+    FALLS = 4, "every exit lies below the platform, which falls since cables cannot push"
+    DIVERGED = 5, "the simulation in MuJoCo became unstable"
+    MOVING = 6, "the platform is moving"
+    OVERSTRAINED = 7, f"a cable is strained by more than {MOST_STRAIN:.0%}, beyond the range of its nonlinear law"
+    OFF_WHEEL = 8, "a cable leaves its pulley's wheel"
+    TOO_SHORT = (
+        9, "a cable with mass is so short that the first mass of its chain in MuJoCo could touch its wheel"
+    )  # fmt: skip

@@ -21,7 +21,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
-from cdpr_sim.statics.gufuncs import shortfall_gufunc
+from cdpr_sim.statics.gufuncs import SHORTFALLS
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 BYTES_PER_CABLE = 120
@@ -176,7 +176,7 @@ def feasible_share(
         found = [forces.weight_of_cables(one, cases.positions, cases.rotations) for one in robots]
         difference, weight = (np.stack(column) for column in zip(*found, strict=True))
         lower, upper = lower + difference, upper - difference
-        left = shortfall_gufunc(bent=robot.cabling.bent)(
+        left = SHORTFALLS[robot.cabling.bent](
             layouts.cable_table(layouts.axial_stiffness[:, None]), lower, upper, robot.weight,
             layouts.center_of_mass[:, None], cases.wrench[:, None] + weight[..., None, :], np.array(robot.free),
             layouts.characteristic_lengths[:, None], cases.positions, cases.rotations,

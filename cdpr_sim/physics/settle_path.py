@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import MOST_THREADS, whole
-from cdpr_sim.core.equilibrium_path import EquilibriumPath
+from cdpr_sim.core.equilibrium_batch import EquilibriumPath
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
@@ -59,9 +59,8 @@ def settle_path(
     Raises:
         InvalidInput: commands, times or a memory that do not fit.
     """
-    path = PathProblem.of(
-        robot, poses, rest_lengths, external_wrench, rotations=rotations, times=times, memory=memory, steps=steps
-    )
+    commands = Problems.of(robot, poses, rest_lengths, external_wrench, rotations=rotations)
+    path = PathProblem.of(commands, times=times, memory=memory, steps=steps)
     whole("threads", threads, 0, MOST_THREADS)
     robot, shape, kept = path.robot, path.problems.shape[1:], set(path.kept.tolist())
     count = int(np.prod(shape))

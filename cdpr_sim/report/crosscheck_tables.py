@@ -12,7 +12,7 @@ from cdpr_sim.analysis.modes import neutral_directions
 from cdpr_sim.core.describe import describe_cables, describe_twist
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.core.pose import euler, tilt
+from cdpr_sim.core.pose import euler, tilt_of_matrices
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Agreement
@@ -89,7 +89,8 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     row("z [mm]", f"{1e3 * start.translation[2]:.3f}", lambda e: f"{1e3 * e.position[2]:.3f}")
     row("deviation x, y [mm]", "", lambda e: f"{1e3 * np.hypot(*e.deviation[:2]):.3f}")
     row("deviation -z [mm]", "", lambda e: f"{-1e3 * e.deviation[2]:.3f}")
-    row("tilt [°]", f"{np.degrees(tilt(start.rotation)):.3f}", lambda e: f"{np.degrees(e.tilt):.3f}")
+    commanded_tilt = tilt_of_matrices(start.rotation.as_matrix())
+    row("tilt [°]", f"{np.degrees(commanded_tilt):.3f}", lambda e: f"{np.degrees(e.tilt):.3f}")
     row("about y [°]", f"{np.degrees(euler(start.rotation)[1]):.3f}", lambda e: f"{np.degrees(e.euler[1]):.3f}")
     table.add_section()
     for cable in range(robot.cables):

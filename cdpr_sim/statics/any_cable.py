@@ -31,9 +31,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core import cable_law, cable_path
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
-from cdpr_sim.core.compiling import Kernel, inline, of_one_number, outlined
+from cdpr_sim.core.cable_path import pulley_path
+from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
 from cdpr_sim.statics.memory_kernel import ELASTIC, KIND, memory_spring, strain_of, stretch_at_exit
 
@@ -57,13 +58,6 @@ HALF_ROUND = -1 + 1e-8
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
-
-of_one_number(cable_path.wrap_angle)
-of_one_number(cable_path.angle_of, lambda sine, cosine: np.arctan2(sine, cosine))
-pulley_path = outlined(cable_path.pulley_path)
-inline(cable_law.stiffened)
-_energy = inline(cable_law.energy)
-_tangent = inline(cable_law.tangent)
 
 
 class Catenary(NamedTuple):
@@ -100,12 +94,12 @@ class AnyCable(NamedTuple):
     weight: float
 
 
-def any_cables(table: ArrayLike, apart: ArrayLike, rest_lengths: ArrayLike) -> Catenary:
+def any_cables(table: ArrayLike, chords: ArrayLike, rest_lengths: ArrayLike) -> Catenary:
     """What cables do, of every kind; everything broadcasts.
 
     Args:
         table: rows of ``Robot.cable_table``, (..., columns).
-        apart: from exits to anchors, base frame, (..., 3) [m].
+        chords: from exits to anchors, base frame, (..., 3) [m].
         rest_lengths: from exits to anchors, (...) [m].
 
     Returns:
@@ -113,14 +107,14 @@ def any_cables(table: ArrayLike, apart: ArrayLike, rest_lengths: ArrayLike) -> C
         a cable has no path: in its wheel, or where its weight would lift it off.
     """
     with np.errstate(all="ignore"):
-        return Catenary(*any_cable_gufunc()(table, apart, rest_lengths))
+        return Catenary(*_ANY(table, chords, rest_lengths))
 
 
-def _one(table, apart, rest_length, pull, stiffness, energy, exit_tension, anchor_tension):
+def _one(table, chords, rest_length, pull, stiffness, energy, exit_tension, anchor_tension):
     """One element of the gufunc."""
     (
         pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _, _
-    ) = any_cable(apart[0], apart[1], apart[2], cable_of(table, rest_length), table[COLUMNS:])  # fmt: skip
+    ) = any_cable(chords[0], chords[1], chords[2], cable_of(table, rest_length), table[COLUMNS:])  # fmt: skip
     stiffness[0, 0], stiffness[1, 1], stiffness[2, 2] = xx, yy, zz
     stiffness[0, 1] = stiffness[1, 0] = xy
     stiffness[0, 2] = stiffness[2, 0] = xz
@@ -128,11 +122,6 @@ def _one(table, apart, rest_length, pull, stiffness, energy, exit_tension, ancho
 
 
 _ANY = Kernel("laws of cables of any kind", _one, "(k),(c),()->(c),(c,c),(),(),()")
-
-
-def any_cable_gufunc() -> Kernel:
-    """A cable as a NumPy generalised ufunc: arguments of ``any_cables``, results of ``Catenary``."""
-    return _ANY
 
 
 @inline
@@ -184,8 +173,8 @@ def _massless(x, y, z, cable, row, elastic):
     length, fx, fy, fz, free, bx, by, bz, bend, _, clear = _wheel_path(x, y, z, cable)
     stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
     if elastic:
-        k, e = _tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
-        energy = _energy(stretch, whole, cable.EA, cable.a2, cable.a3)
+        k, e = cable_law.tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
+        energy = cable_law.energy(stretch, whole, cable.EA, cable.a2, cable.a3)
     else:
         k, e, energy = memory_spring(stretch, cable.rest_length, cable.behind, cable.EA, cable.a2, cable.a3, row)
     if not (stretch > 0 and e > 0):
@@ -207,7 +196,7 @@ def _with_mass(x, y, z, cable, row, elastic):
     # The line that touches the law where the cable would be without mass: tau = (eps - (mu - 1)) EAb/mu.
     mu, EAb, nonlinear = 1.0, EA, a2 != 0.0 or a3 != 0.0
     if nonlinear:
-        k, e = _tangent(eps, 1.0, EA, a2, a3)
+        k, e = cable_law.tangent(eps, 1.0, EA, a2, a3)
         mu = 1 + eps - e
         EAb = mu * k
     size = np.sqrt(x * x + y * y + z * z) + rest

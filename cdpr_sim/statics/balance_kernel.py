@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import PARTS
-from cdpr_sim.core.compiling import inline, nowhere, where
+from cdpr_sim.core.compiling import HEAP, inline, matrix, nowhere, truths, vector, where
 from cdpr_sim.statics import cable_kernel as ck
 
 ROUNDING = 1e-12
@@ -58,23 +58,22 @@ class BalanceScratch(NamedTuple):
 
 
 @inline
-def _scratch(m):
+def new_scratch(room, m):
+    """Memory of these results."""
     return BalanceScratch(
-        np.empty((m, 6)), np.empty((m, 6)), np.empty(m * m), np.empty(6), np.empty(6), np.empty(6), np.empty(6),
-        np.empty(6), np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m, np.bool_),
-        np.empty(m, np.bool_),
+        matrix(room, m, 6), matrix(room, m, 6), vector(room, m * m), vector(room, 6), vector(room, 6), vector(room, 6),
+        vector(room, 6), vector(room, 6), vector(room, m), vector(room, m), vector(room, m), truths(room, m),
+        truths(room, m), truths(room, m),
     )  # fmt: skip
 
 
-def shortfall(unpack: Callable) -> Callable:
-    """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
+def shortfall(new_cables: Callable) -> Callable:
+    """An element of the gufunc, for cables of the type that ``new_cables`` makes."""
 
     def unbalanced(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
         """Unbalanced part of the worst load."""
-        cables, scratch = unpack(table, np.ones(len(lower))), _scratch(len(lower))  # rest lengths have no effect here
-        state = ck.new_state(cables)
-        ck.measure(cables, position, rotation, state)
-        if not fill_pulls(state, table[:, PARTS], scale, scratch):
+        scratch = new_scratch(HEAP, len(lower))
+        if not _fill_pulls_at(new_cables(HEAP, table), table, scale, position, rotation, scratch):
             left[0] = np.nan
             return
         left[0] = 0.0
@@ -100,7 +99,7 @@ def least_part(lower, upper, weight, com, free, scale, rotation, scratch):
     return _least_squares(load, free, scratch)
 
 
-def margin(unpack: Callable) -> Callable:
+def margin(new_cables: Callable) -> Callable:
     """The same."""
 
     def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, distance):
@@ -111,11 +110,9 @@ def margin(unpack: Callable) -> Callable:
         suffices is the next iterate. There are finitely many such directions, and every step excludes one.
         """
         m, n, shifted = len(lower), len(free), np.empty(6)
-        cables, scratch = unpack(table, np.ones(m)), _scratch(m)  # rest lengths have no effect here
+        scratch = new_scratch(HEAP, m)
         load, height, J, r = scratch.load, scratch.height, scratch.J, scratch.r
-        state = ck.new_state(cables)
-        ck.measure(cables, position, rotation, state)
-        if not fill_pulls(state, table[:, PARTS], scale, scratch):
+        if not _fill_pulls_at(new_cables(HEAP, table), table, scale, position, rotation, scratch):
             distance[0] = np.nan
             return
         distance[0] = np.inf
@@ -161,6 +158,15 @@ def margin(unpack: Callable) -> Callable:
             distance[0] = min(distance[0], t * norm)
 
     return least_distance
+
+
+@inline
+def _fill_pulls_at(cables, table, scale, position, rotation, scratch):
+    """``fill_pulls`` at a pose."""
+    ck.load(cables, table, np.ones(len(table)), ())  # rest lengths have no effect here
+    state = ck.new_state(cables, HEAP)
+    ck.measure(cables, position, rotation, state)
+    return fill_pulls(state, table[:, PARTS], scale, scratch)
 
 
 @inline

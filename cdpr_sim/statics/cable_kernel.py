@@ -13,20 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from importlib import import_module
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, outlined, where
-from cdpr_sim.statics.any_cable import any_cable, cable_of, pulley_path
+from cdpr_sim.core.compiling import Kernel, by_type, inline, matrix, nowhere, outlined, vector, where
+from cdpr_sim.statics.any_cable import any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
-
-_path = inline(cable_path.path)
-inline(cable_law.stiffened)  # which the law calls
-_energy = inline(cable_law.energy)
-_tangent = inline(cable_law.tangent)
 
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
@@ -60,7 +56,8 @@ class BentCables(NamedTuple):
     """Data of cables that may run over pulleys and have nonlinear laws.
 
     A, B: exits, anchors; l0: rest lengths; k: axial stiffness per length that stretches; EA, a2, a3: coefficients of
-    the law; whole: lengths that stretch, with what lies behind the exits; radius, axis: of the pulleys.
+    the law; whole: lengths that stretch, with what lies behind the exits; radius, axis: of the pulleys; table: that
+    from which they come, of lanes the first one.
     """
 
     A: np.ndarray
@@ -73,6 +70,7 @@ class BentCables(NamedTuple):
     whole: np.ndarray
     radius: np.ndarray
     axis: np.ndarray
+    table: np.ndarray
 
 
 class BentState(NamedTuple):
@@ -95,30 +93,12 @@ class BentState(NamedTuple):
     row: np.ndarray
 
 
-class SaggingCables(NamedTuple):
-    """Data of cables of any kind. A, B, l0, k: as of plain ones; table: ``Robot.cable_table``."""
-
-    A: np.ndarray
-    B: np.ndarray
-    l0: np.ndarray
-    k: np.ndarray
-    table: np.ndarray
+class SaggingCables(BentCables):
+    """Data of cables of any kind."""
 
 
-class CablesWithMemory(NamedTuple):
-    """Data of massless cables of which some have a memory. As of bent ones; memory: rows of ``memory_kernel``."""
-
-    A: np.ndarray
-    B: np.ndarray
-    l0: np.ndarray
-    k: np.ndarray
-    EA: np.ndarray
-    a2: np.ndarray
-    a3: np.ndarray
-    whole: np.ndarray
-    radius: np.ndarray
-    axis: np.ndarray
-    memory: np.ndarray
+class CablesWithMemory(BentCables):
+    """Data of massless cables of which some have a memory."""
 
 
 class SaggingState(NamedTuple):
@@ -142,143 +122,152 @@ class SaggingState(NamedTuple):
 
 
 @inline
-def unpack(table, rest_lengths):
-    """``Robot.cable_table`` and rest lengths, as arrays that are fast to read in compiled code."""
-    m = len(rest_lengths)
-    A, B, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m)
-    for i in range(m):
-        for a in range(3):
-            A[i, a], B[i, a] = table[i, EXIT + a], table[i, ANCHOR + a]
-        k[i] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
-    return Cables(A, B, rest_lengths, k)
+def new_plain(room, table):
+    """Plain cables, to be filled in by ``load``."""
+    m = len(table)
+    return Cables(matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m))
 
 
-@inline
-def unpack_bent(table, rest_lengths):
-    """The same for bent cables."""
-    m, plain = len(rest_lengths), unpack(table, rest_lengths)
-    EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
-    whole = np.empty(m)
-    for i in range(m):
-        for a in range(3):
-            axis[i, a] = table[i, AXIS + a]
-        EA[i] = table[i, STIFFNESS]
-        a2[i], a3[i] = table[i, STIFFENING], table[i, STIFFENING + 1]
-        radius[i] = table[i, RADIUS]
-        whole[i] = rest_lengths[i] + table[i, BEHIND]
-    return BentCables(plain.A, plain.B, plain.l0, plain.k, EA, a2, a3, whole, radius, axis)
+def _new(kind: type) -> Callable:
+    """Makes that function for other cables."""
+
+    @inline
+    def new_cables(room, table):
+        m = len(table)
+        return kind(
+            matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), vector(room, m), vector(room, m),
+            vector(room, m), vector(room, m), vector(room, m), matrix(room, m, 3), table,
+        )  # fmt: skip
+
+    new_cables.__qualname__ = f"new_{kind.__name__}"  # by which Numba names machine code
+    return new_cables
 
 
-@inline
-def unpack_sagging(table, rest_lengths):
-    """The same for sagging cables."""
-    plain = unpack(table, rest_lengths)
-    rows = np.empty((len(rest_lengths), table.shape[1]))
-    for i in range(len(rows)):
-        for a in range(len(rows[i])):
-            rows[i, a] = table[i, a]
-    return SaggingCables(plain.A, plain.B, plain.l0, plain.k, rows)
+@by_type
+def load(cables, table, rest_lengths, lane):
+    """Write the cables of one problem, on lanes into the lane (w,), otherwise (), from the table and rest lengths."""
+    _load_plain(cables, table, rest_lengths, lane)
 
 
-@inline
-def unpack_with_memory(table, rest_lengths):
-    """The same for cables with a memory: their table has further columns (``memory_kernel``)."""
-    bent, more = unpack_bent(table, rest_lengths), table.shape[1] - COLUMNS
-    memory = np.empty((len(rest_lengths), more))
+@load.of(BentCables, SaggingCables, CablesWithMemory)
+def _load_bent(cables, table, rest_lengths, lane):
+    _load_plain(cables, table, rest_lengths, lane)
     for i in range(len(rest_lengths)):
-        for a in range(more):
-            memory[i, a] = table[i, COLUMNS + a]
-    return CablesWithMemory(
-        bent.A, bent.B, bent.l0, bent.k, bent.EA, bent.a2, bent.a3, bent.whole, bent.radius, bent.axis, memory
-    )
+        at = (i, *lane)
+        for a in range(3):
+            cables.axis[(i, a, *lane)] = table[i, AXIS + a]
+        cables.EA[at], cables.whole[at] = table[i, STIFFNESS], rest_lengths[i] + table[i, BEHIND]
+        cables.a2[at], cables.a3[at] = table[i, STIFFENING], table[i, STIFFENING + 1]
+        cables.radius[at] = table[i, RADIUS]
+
+
+@inline
+def _load_plain(cables, table, rest_lengths, lane):
+    for i in range(len(rest_lengths)):
+        at = (i, *lane)
+        for a in range(3):
+            cables.A[(i, a, *lane)], cables.B[(i, a, *lane)] = table[i, EXIT + a], table[i, ANCHOR + a]
+        cables.l0[at] = rest_lengths[i]
+        cables.k[at] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
 
 
 TYPES = {
-    "": unpack,
-    " for pulleys and nonlinear laws": unpack_bent,
-    " for cables with mass": unpack_sagging,
-    " for cables with a memory": unpack_with_memory,
+    "": new_plain,
+    " for pulleys and nonlinear laws": _new(BentCables),
+    " for cables with mass": _new(SaggingCables),
+    " for cables with a memory": _new(CablesWithMemory),
 }
 """By what follows the name of a kernel that is compiled for a type of cables."""
 
+PLAIN, BENT, SAGGING, WITH_MEMORY = range(len(TYPES))
+"""Their indices; of massless cables without a memory, the index is ``Cabling.bent``."""
 
-def kernels(
-    what: str, element: Callable, layout: str, integers: tuple[str, ...], many: Callable | None = None,
-    alike: tuple[str, ...] = (),
-) -> list[Kernel]:  # fmt: skip
-    """A kernel for each of ``TYPES``; ``element`` makes its code for one ``unpack``.
 
-    Plain and bent cables are also evaluated on lanes, by ``many`` with the inputs ``alike`` (``compiling.Kernel``); its
-    first argument is whether they are bent.
+def kernels(what: str, element: Callable, layout: str, lanes: str = "", **options: Any) -> list[Kernel]:
+    """A kernel for each of ``TYPES``; ``element`` makes its code for one of them.
+
+    Plain and bent cables are also evaluated on lanes, by the code that the function ``lanes`` makes, "module.function".
+    Other options are those of ``compiling.Kernel``.
     """
-    on_lanes = {} if many is None else {unpack: partial(many, False), unpack_bent: partial(many, True)}
+
+    def on_lanes(new_cables: Callable) -> Callable:
+        module, function = lanes.split(".")
+        return getattr(import_module(f"cdpr_sim.statics.{module}"), function)(new_cables)
+
     return [
-        Kernel(what + name, element(unpacked), layout, integers, on_lanes.get(unpacked), alike)
-        for name, unpacked in TYPES.items()
-    ]
+        Kernel(
+            what + name, element(new_cables), layout, **options,
+            lanes=partial(on_lanes, new_cables) if lanes and kind in (PLAIN, BENT) else None,
+        )
+        for kind, (name, new_cables) in enumerate(TYPES.items())
+    ]  # fmt: skip
 
 
-def _new_plain_state(cables):
-    """An empty state of plain cables; the stiffness is constant."""
+@by_type
+def new_state(cables, room):
+    """A state of the cables that is to be measured; the stiffness of plain ones is constant."""
     m = len(cables.l0)
-    return CableState(np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), cables.k, np.empty(m))
+    return CableState(
+        matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), cables.k, vector(room, m)
+    )
 
 
-def _new_bent_state(cables):
-    """An empty state of bent cables."""
+@new_state.of(BentCables, CablesWithMemory)
+def _new_bent_state(cables, room):
     m = len(cables.l0)
     return BentState(
-        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.empty(m), np.empty(m),
-        np.empty(m), np.empty(m), np.empty((1, 6)),
+        matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), matrix(room, m, 3),
+        vector(room, m), vector(room, m), vector(room, m), vector(room, m), matrix(room, 1, 6),
     )  # fmt: skip
 
 
-def _new_sagging_state(cables):
-    """An empty state of sagging cables."""
+@new_state.of(SaggingCables)
+def _new_sagging_state(cables, room):
     m = len(cables.l0)
     return SaggingState(
-        np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 6)), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
-        np.empty((0, 3)), np.empty(0), np.empty(0),
+        matrix(room, m, 3), matrix(room, m, 3), matrix(room, m, 6), vector(room, m), vector(room, m),
+        vector(room, m), vector(room, m), matrix(room, 0, 3), vector(room, 0), vector(room, 0),
     )  # fmt: skip
 
 
-def _bent_law(cables, i, stretch):
+@by_type
+def _law(cables, i, stretch):
     """The tangent spring of cable i."""
-    return _tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
+    return cable_law.tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
 
 
+@_law.of(CablesWithMemory)
 def _memory_law(cables, i, stretch):
-    """The same, with a memory."""
     k, e, _ = _memory_spring(cables, i, stretch)
     return k, e
 
 
 @inline
 def _memory_spring(cables, i, stretch):
-    """Its tangent spring, and its energy."""
-    behind = cables.whole[i] - cables.l0[i]
-    return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], cables.memory[i])
+    """The tangent spring of cable i with a memory, and its energy."""
+    behind, row = cables.whole[i] - cables.l0[i], cables.table[i, COLUMNS:]
+    return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], row)
 
 
-_law = by_type({BentCables: _bent_law, CablesWithMemory: _memory_law})
-
-
-def _measure_plain(cables, p, R, state):
+@by_type
+def measure(cables, p, R, state):
     """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
     A, B, l0 = cables.A, cables.B, cables.l0
     r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
     for i in range(len(l0)):
         for a in range(3):
             r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-        length, x, y, z, free = _path(A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2])
+        length, x, y, z, free = cable_path.path(
+            A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
+        )
         inverse = 1 / max(free, NO_LENGTH)
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i], state.f[i] = length, inverse
         e[i] = length - l0[i]
 
 
+@measure.of(BentCables, CablesWithMemory)
 def _measure_bent(cables, p, R, state):
-    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
     A, B, l0 = cables.A, cables.B, cables.l0
     r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
     across, bend, clear = state.across, state.bend, state.clear
@@ -286,13 +275,13 @@ def _measure_bent(cables, p, R, state):
         for a in range(3):
             r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
         x, y, z = A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
-        length, u[i, 0], u[i, 1], u[i, 2], free = _path(x, y, z)
+        length, u[i, 0], u[i, 1], u[i, 2], free = cable_path.path(x, y, z)
         for a in range(3):
             across[i, a] = 0.0
         bend[i], clear[i], wheel = 0.0, 0.0, cables.radius[i] > 0
         if not nowhere(wheel):
             ex, ey, ez = cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2]
-            over = pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
+            over = cable_path.pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
             length, free = where(wheel, over[0], length), where(wheel, over[4], free)
             for a in range(3):
                 u[i, a], across[i, a] = where(wheel, over[1 + a], u[i, a]), where(wheel, over[5 + a], 0.0)
@@ -305,9 +294,9 @@ def _measure_bent(cables, p, R, state):
         state.f[i] = inverse
 
 
+@measure.of(SaggingCables)
 @outlined
 def _measure_sagging(cables, p, R, state):
-    """Fill in the cables' state with the platform at p, R."""
     A, B, r, f, k = cables.A, cables.B, state.r, state.pull, state.stiffness
     for i in range(len(cables.l0)):
         for a in range(3):
@@ -319,24 +308,28 @@ def _measure_sagging(cables, p, R, state):
         ) = any_cable(x, y, z, cable_of(cables.table[i], cables.l0[i]), cables.table[i, COLUMNS:])  # fmt: skip
 
 
-def _plain_energy(cables, state, V):
+@by_type
+def elastic_energy(cables, state, V):
+    """V and the energy of the cables."""
     for i in range(len(cables.l0)):
         if nowhere(state.e[i] > 0):
             continue
-        V += where(state.e[i] > 0, _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0), 0.0)
+        V += where(state.e[i] > 0, cable_law.energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0), 0.0)
     return V
 
 
+@elastic_energy.of(BentCables)
 def _bent_energy(cables, state, V):
     for i in range(len(cables.l0)):
         pulls = (state.e[i] > 0) | (state.e[i] != state.e[i])  # nan without a path, which no step may lead to
         if nowhere(pulls):
             continue
         stretch = state.l[i] - cables.l0[i]
-        V += where(pulls, _energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i]), 0.0)
+        V += where(pulls, cable_law.energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i]), 0.0)
     return V
 
 
+@elastic_energy.of(CablesWithMemory)
 def _memory_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0 or state.e[i] != state.e[i]:
@@ -345,16 +338,20 @@ def _memory_energy(cables, state, V):
     return V
 
 
+@elastic_energy.of(SaggingCables)
 def _sagging_energy(cables, state, V):
     for i in range(len(cables.l0)):
         V += state.energy[i]
     return V
 
 
-def _plain_on_wheels(state):
+@by_type
+def on_wheels(state):
+    """Whether every cable has a path over its wheel."""
     return True
 
 
+@on_wheels.of(BentState, SaggingState)
 def _bent_on_wheels(state):
     on = True
     for i in range(len(state.clear)):
@@ -362,66 +359,24 @@ def _bent_on_wheels(state):
     return on
 
 
-def _all_springs(cables):
-    return len(cables.l0)
-
-
-def _no_springs(cables):
-    return 0
-
-
-def _fill_plain_tensions(cables, state, table, tensions):
+@by_type
+def fill_tensions(cables, state, table, tensions):
+    """Fill in the tensions at the anchors."""
     for i in range(len(tensions)):
         stretch = 0.0 if state.e[i] <= 0 else state.e[i]  # lets nan through to the result
         tensions[i] = table[i, STIFFNESS] * stretch / (cables.l0[i] + table[i, BEHIND])
 
 
+@fill_tensions.of(BentCables, CablesWithMemory)
 def _fill_bent_tensions(cables, state, table, tensions):
     for i in range(len(tensions)):
         tensions[i] = 0.0 if state.e[i] <= 0 else state.k[i] * state.e[i]
 
 
+@fill_tensions.of(SaggingCables)
 def _fill_sagging_tensions(cables, state, table, tensions):
     for i in range(len(tensions)):
         tensions[i] = state.tension[i]
-
-
-new_state = by_type(
-    {
-        Cables: _new_plain_state,
-        BentCables: _new_bent_state,
-        SaggingCables: _new_sagging_state,
-        CablesWithMemory: _new_bent_state,
-    }
-)
-measure = by_type(
-    {
-        Cables: _measure_plain,
-        BentCables: _measure_bent,
-        SaggingCables: _measure_sagging,
-        CablesWithMemory: _measure_bent,
-    }
-)
-elastic_energy = by_type(
-    {
-        Cables: _plain_energy,
-        BentCables: _bent_energy,
-        SaggingCables: _sagging_energy,
-        CablesWithMemory: _memory_energy,
-    }
-)
-springs = by_type(
-    {Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs, CablesWithMemory: _all_springs}
-)
-fill_tensions = by_type(
-    {
-        Cables: _fill_plain_tensions,
-        BentCables: _fill_bent_tensions,
-        SaggingCables: _fill_sagging_tensions,
-        CablesWithMemory: _fill_bent_tensions,
-    }
-)
-on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels, SaggingState: _bent_on_wheels})
 
 
 @inline
@@ -439,7 +394,7 @@ def fill_jacobian(state, scale, J):
 
 @inline
 def _add_plain_curvature(state, i, tau, per_scale, K):
-    """Add tau ∂²l/∂x² + q J Jᵀ of cable i to the lower half of K, (6, 6); return q = tau f.
+    """The same for plain cables.
 
     ∂²l/∂x² = (DᵀD − J Jᵀ) f + bend (Dᵀb)(Dᵀb)ᵀ + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], b across the
     wheel, and uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left. The part −q J Jᵀ is
@@ -468,6 +423,13 @@ def _add_plain_curvature(state, i, tau, per_scale, K):
     return q
 
 
+@by_type
+def add_curvature(state, i, tau, per_scale, K):
+    """Add tau ∂²l/∂x² + q J Jᵀ of cable i to the lower half of K, (6, 6); return q = tau f."""
+    return _add_plain_curvature(state, i, tau, per_scale, K)
+
+
+@add_curvature.of(BentState)
 def _add_bent_curvature(state, i, tau, per_scale, K):
     if not nowhere(state.bend[i] != 0.0):
         x, y, z = state.r[i, 0] * per_scale, state.r[i, 1] * per_scale, state.r[i, 2] * per_scale
@@ -480,19 +442,17 @@ def _add_bent_curvature(state, i, tau, per_scale, K):
     return _add_plain_curvature(state, i, tau, per_scale, K)
 
 
+@add_curvature.of(SaggingState)
 def _add_no_curvature(state, i, tau, per_scale, K):
     return 0.0
 
 
-add_curvature = by_type(
-    {CableState: _add_plain_curvature, BentState: _add_bent_curvature, SaggingState: _add_no_curvature}
-)
+@by_type
+def add_stiffness(state, scale, K):
+    """Add the curvature of all cables that are no springs to the lower half of K."""
 
 
-def _add_no_stiffness(state, scale, K):
-    pass
-
-
+@add_stiffness.of(SaggingState)
 @outlined
 def _add_sagging_stiffness(state, scale, K):
     """Add the curvature of the cables' energy, Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)] with D = [1, −[r]×]."""
@@ -527,16 +487,12 @@ def _add_sagging_stiffness(state, scale, K):
         _add_dipole(state.pull[i, 0] / scale, state.pull[i, 1] / scale, state.pull[i, 2] / scale, x, y, z, K)
 
 
-add_stiffness = by_type(
-    {CableState: _add_no_stiffness, BentState: _add_no_stiffness, SaggingState: _add_sagging_stiffness}
-)
-"""(state, scale, K): add the curvature of all cables that are no springs to the lower half of K."""
+@by_type
+def subtract_pulls(state, scale, g):
+    """Subtract from a slope the pulls of all cables that are no springs."""
 
 
-def _subtract_no_pulls(state, scale, g):
-    pass
-
-
+@subtract_pulls.of(SaggingState)
 def _subtract_sagging_pulls(state, scale, g):
     for i in range(len(state.l)):
         x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
@@ -547,12 +503,6 @@ def _subtract_sagging_pulls(state, scale, g):
         g[3] -= y * fz - z * fy
         g[4] -= z * fx - x * fz
         g[5] -= x * fy - y * fx
-
-
-subtract_pulls = by_type(
-    {CableState: _subtract_no_pulls, BentState: _subtract_no_pulls, SaggingState: _subtract_sagging_pulls}
-)
-"""(state, scale, g): subtract from a slope the pulls of all cables that are no springs."""
 
 
 @inline

@@ -30,29 +30,17 @@ LENGTH_STEPS, LENGTH_ROUNDING = 50, 1e-14
 """Newton steps to the rest length of a given tension, and the relative step that ends them."""
 
 PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "center_of_mass", "external_wrench")
-"""Parameters of an equilibrium, by the names of ``Robot`` and ``Problem``."""
-
-PULLEY_PARAMETERS = ("pulley_radius",)
-"""Parameters of an equilibrium of a robot with pulleys."""
-
-DRIVE_LINE_PARAMETERS = ("winch_to_exit",)
-"""Parameters of an equilibrium of a robot with rope between winches and exits."""
-
-MASS_PARAMETERS = ("linear_density",)
-"""Parameters of an equilibrium of a robot with cables with mass."""
-
-LAW_PARAMETERS = ("stiffening",)
-"""Parameters of an equilibrium of a robot with nonlinear cables: a2 and a3 of cable 1, of cable 2, and so on."""
+"""Parameters of every equilibrium, by the names of ``Robot`` and ``Problem``."""
 
 
 def parameters(robot: Robot) -> tuple[str, ...]:
-    """Parameters on which an equilibrium of ``robot`` depends."""
+    """Parameters on which an equilibrium of ``robot`` depends; ``stiffening``: a2 and a3 of cable 1, of cable 2, ..."""
     cabling = robot.cabling
     further = {
-        PULLEY_PARAMETERS: cabling.pulleys.any(), DRIVE_LINE_PARAMETERS: robot.winch_to_exit.any(),
-        MASS_PARAMETERS: not cabling.massless, LAW_PARAMETERS: not cabling.linear,
+        "pulley_radius": cabling.pulleys.any(), "winch_to_exit": robot.winch_to_exit.any(),
+        "linear_density": not cabling.massless, "stiffening": not cabling.linear,
     }  # fmt: skip
-    return PARAMETERS + sum((names for names, present in further.items() if present), ())
+    return *PARAMETERS, *(name for name, present in further.items() if present)
 
 
 def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
@@ -174,8 +162,8 @@ def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 p
         light = TRACE * table[..., STIFFNESS] / rest_lengths
         table = np.array(np.broadcast_to(table, (*light.shape, table.shape[-1])))
         table[..., WEIGHT] = light
-        apart = state.position[..., None, :] + state.geometry.arms - robot.exits
-        by[idle, :, 4] = (any_cables(table, apart, rest_lengths).pull / light[..., None])[idle]
+        chords = state.position[..., None, :] + state.geometry.arms - robot.exits
+        by[idle, :, 4] = (any_cables(table, chords, rest_lengths).pull / light[..., None])[idle]
     return found | {
         "rest_lengths": by[..., :1], "axial_stiffness": n * by[..., 1:2], "pulley_radius": by[..., 2:3],
         "winch_to_exit": by[..., 3:4] / n, "linear_density": n * robot.gravity * by[..., 4:5],
@@ -226,19 +214,19 @@ def _pull_slopes(
     mu = np.where(sags, 1 + strain - T * slope, 0.0)
     line = np.where(sags, slope, 0.0)
     by_weight = _turned_by_weight(t, T, np.where(sags, end, 1.0), L, np.where(sags, w, 1.0))
-    heavy = mu[..., None] * by_weight + (line * L * L / 2)[..., None] * up
+    by_weight = mu[..., None] * by_weight + (line * L * L / 2)[..., None] * up
     # Where no cable has mass, tension is the same along it, and one node does.
     nodes, parts = (NODES, WEIGHTS) if w.any() else ([0.5], [1.0])
     for node, part in zip(nodes, parts, strict=True):
         there, v, e, k = along(t + (node * w * L)[..., None] * up)
         law = law + (part * L)[..., None, None] * by_law(there, v, e, k)
         across = ((1 + e - mu - there * line) / np.where(there > 0, there, 1.0))[..., None] * (up - v[..., 2:] * v)
-        heavy = heavy + (part * node * L * L)[..., None] * ((k - line)[..., None] * v[..., 2:] * v + across)
+        by_weight = by_weight + (part * node * L * L)[..., None] * ((k - line)[..., None] * v[..., 2:] * v + across)
     cosine = (u * axis).sum(-1)[..., None]
     n = u - cosine * axis
     sine = np.linalg.norm(n, axis=-1, keepdims=True)
     radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
-    by = [law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, heavy]
+    by = [law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, by_weight]
     turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2]], axis=-1)
     turned[..., 2, 3] -= L
     return np.concatenate([_pulls_by_length(table, pulls, stiffness)[..., None], turned], axis=-1)
@@ -274,7 +262,7 @@ def _turned_by_weight(
 
 
 def rest_lengths_under(
-    robot: Robot, apart: Float[np.ndarray, "*batch cables 3"], tensions: Float[np.ndarray, "*batch cables"]
+    robot: Robot, chords: Float[np.ndarray, "*batch cables 3"], tensions: Float[np.ndarray, "*batch cables"]
 ) -> Float[np.ndarray, "*batch cables"]:
     """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
 
@@ -283,18 +271,18 @@ def rest_lengths_under(
 
     Args:
         robot: of these cables.
-        apart: from exits to anchors, base frame, (..., cables, 3) [m].
+        chords: from exits to anchors, base frame, (..., cables, 3) [m].
         tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -apart)[0], tensions, *cabling.law, behind=cabling.behind
+        cable_path.paths(cabling, -chords)[0], tensions, *cabling.law, behind=cabling.behind
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions
     done = np.zeros(rest.shape, bool)
     for _ in range(LENGTH_STEPS):
-        found = any_cables(table, apart, rest)
+        found = any_cables(table, chords, rest)
         by_length = _pulls_by_length(table, found.pull, found.stiffness)
         beyond = found.anchor_tension - pulls
         with np.errstate(all="ignore"):

@@ -101,12 +101,10 @@ class State:
         """Cable lengths, (..., cables) [m] (Eq. 2, 9)."""
         return self.geometry.lengths
 
-    @property
+    @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
-        if self.hanging is not None:
-            return self.problem.robot.reeving * _wrenches(self.pull_directions, self.geometry.arms)
-        return self.geometry.wrench_matrix
+        return self.problem.robot.reeving * _wrenches(self.pull_directions, self.geometry.arms)
 
     @cached_property
     def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
@@ -224,8 +222,8 @@ def at(
     robot, cables = problem.robot, geometry(problem.robot, position, rotation)
     rest = problem.rest_lengths
     if not robot.cabling.massless:
-        apart = np.asarray(position)[..., None, :] + cables.arms - robot.exits
-        hanging = any_cables(robot.cable_table(problem.axial_stiffness), apart, rest)
+        chords = np.asarray(position)[..., None, :] + cables.arms - robot.exits
+        hanging = any_cables(robot.cable_table(problem.axial_stiffness), chords, rest)
         tau = hanging.anchor_tension / robot.reeving
         return State(problem, np.asarray(position), rotation, cables, tau, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_law(problem))
@@ -284,13 +282,6 @@ def mass_matrix(problem: Problem | Problems, rotation: Float[Array, "*batch 3 3"
 def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:
     """Eigenvalues of ``problem``'s stiffness matrix with the platform at ``pose``."""
     return at(problem, pose.position, pose.rotation_matrix).eigenvalues
-
-
-def rest_lengths_for(
-    robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
-) -> Float[Array, "*batch cables"]:
-    """Unstretched lengths of cables that have these lengths under these tensions of their ropes [m]."""
-    return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law, behind=robot.cabling.behind)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform | Pose, *, iterations: int, source: str) -> Equilibrium:

@@ -31,11 +31,12 @@ def cut(
     """
     cables = forces.geometry(robot, position, rotation)
     if robot.cabling.massless:
-        rest, matrix = forces.rest_lengths_for(robot, cables.lengths, tensions), cables.wrench_matrix
+        rest = cable_law.rest_length_for(cables.lengths, tensions, *robot.cabling.law, behind=robot.cabling.behind)
+        matrix = cables.wrench_matrix
     else:
-        apart = position[..., None, :] + cables.arms - robot.exits
-        rest = rest_lengths_under(robot, apart, tensions)
-        pulls = any_cables(robot.cable_table(), apart, rest).pull
+        chords = position[..., None, :] + cables.arms - robot.exits
+        rest = rest_lengths_under(robot, chords, tensions)
+        pulls = any_cables(robot.cable_table(), chords, rest).pull
         sizes = np.linalg.norm(pulls, axis=-1, keepdims=True)  # without the rounding of rest lengths of stiff cables
         pulling = (tensions > 0)[..., None]  # of a massless cable without tension, the direction of its path
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)

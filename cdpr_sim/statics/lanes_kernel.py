@@ -26,27 +26,14 @@ from collections.abc import Callable
 import numpy as np
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.core.compiling import Compiled, Kernel, by_type, inline, nowhere, where
-from cdpr_sim.core.lanes import (
-    WIDTH,
-    Room,
-    bits_of,
-    everywhere,
-    mask_of,
-    masks,
-    matrix3,
-    matrix6,
-    of_lanes,
-    room_for,
-    vector,
-)
+from cdpr_sim.core.compiling import by_type, inline, nowhere, truths, vector, where
+from cdpr_sim.core.lanes import WIDTH, Room, bits_of, everywhere, mask_of, of_lanes
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics import newton_kernel as nk
-from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState
+from cdpr_sim.statics.cable_kernel import BentState
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
-from cdpr_sim.statics.newton_kernel import Case, Model, Point, Scales
+from cdpr_sim.statics.newton_kernel import Case, Scales
 
 LARGEST_TURN = 2.4
 """Largest rotation in a step that is accepted [rad]: up to it, the series of ``_turn`` are exact to rounding. Steps are
@@ -87,7 +74,7 @@ def _wrap_angle(sine, cosine, height):
     return where(sine < 0, where(height < 0, 2 * np.pi, 0.0) - angle, angle)
 
 
-def _solver(new_cables: Callable) -> Callable:
+def solver(new_cables: Callable) -> Callable:
     """The solver of many problems with cables of the type that ``new_cables`` makes."""
 
     def solve_all(
@@ -98,16 +85,13 @@ def _solver(new_cables: Callable) -> Callable:
         in_a_row, m = rest_lengths.shape[1:]
         problems = rest_lengths.shape[0] * in_a_row
         room = Room(numbers, flags, np.zeros(2, np.int64))
-        cables = new_cables(room, m)
+        cables = new_cables(room, tables[0, 0])
         com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
-        here, trial = new_point(room, cables), new_point(room, cables)
-        model = Model(
-            matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
-        )
+        here, trial, model = nk.new_point(room, cables), nk.new_point(room, cables), nk.new_model(room, m)
         x, other = vector(room, 6), vector(room, 6)
         tau, predicted, other_predicted = vector(room, m), vector(room, m), vector(room, m)
         found = vector(room, 2)
-        taut, other_taut = masks(room, m), masks(room, m)
+        taut, other_taut = truths(room, m), truths(room, m)
 
         zero, none = everywhere(0.0), mask_of(0)
         V, decrease, work, shift, count, trials, sets, retractions = zero, zero, zero, zero, zero, zero, zero, zero
@@ -119,9 +103,11 @@ def _solver(new_cables: Callable) -> Callable:
             for w in range(WIDTH):
                 if given < problems and not (active >> w) & 1:
                     at = given // in_a_row, given % in_a_row
-                    load_cables(cables, tables[at], rest_lengths[at], w)
+                    ck.load(cables, tables[at], rest_lengths[at], (w,))
                     platform[0, w], platform[1, w] = weights[at], scales_of_length[at]
-                    load_pose(starts[at], start_rotations[at], centers_of_mass[at], w, trial.p, trial.R, com)
+                    nk.copy_pose(starts[at], start_rotations[at], (), trial.p, trial.R, (w,))
+                    for a in range(3):
+                        com[a, w] = centers_of_mass[at][a]
                     for a in range(6):
                         wrench[a, w] = wrenches[at][a]
                     begun |= 1 << w
@@ -190,10 +176,7 @@ def _solver(new_cables: Callable) -> Callable:
                         at = who[w] // in_a_row, who[w] % in_a_row
                         status[at] = _CONVERGED if (bits_of(done) >> w) & 1 else _PENDING
                         residuals[at], iterations[at] = found[0, w], int(found[1, w])
-                        for a in range(3):
-                            positions[at][a] = here.p[a, w]
-                            for b in range(3):
-                                rotations[at][a, b] = here.R[a, b, w]
+                        nk.copy_pose(here.p, here.R, (w,), positions[at], rotations[at], ())
                         if not (bits_of(balanced) >> w) & 1:  # begins anew
                             iterations[at], positions[at], rotations[at] = 0, starts[at], start_rotations[at]
                         for i in range(m):
@@ -234,77 +217,6 @@ def _solver(new_cables: Callable) -> Callable:
 
 
 @inline
-def new_plain_cables(room, m):
-    """Plain cables that are to be loaded."""
-    return Cables(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m))
-
-
-@inline
-def new_bent_cables(room, m):
-    """Bent cables that are to be loaded."""
-    plain = new_plain_cables(room, m)
-    return BentCables(
-        plain.A, plain.B, plain.l0, plain.k, vector(room, m), vector(room, m), vector(room, m), vector(room, m),
-        vector(room, m), matrix3(room, m),
-    )  # fmt: skip
-
-
-def _new_plain_state(cables, room):
-    m = len(cables.l0)
-    return CableState(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m), cables.k, vector(room, m))
-
-
-def _new_bent_state(cables, room):
-    m = len(cables.l0)
-    return BentState(
-        matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m), matrix3(room, m), vector(room, m),
-        vector(room, m), vector(room, m), vector(room, m), matrix6(room, 1),
-    )  # fmt: skip
-
-
-new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state})
-"""(cables, room): a state of the cables that is to be measured."""
-
-
-@inline
-def new_point(room, cables):
-    """A point that is to be measured."""
-    return Point(vector(room, 3), matrix3(room, 3), new_state(cables, room))
-
-
-def _load_plain(cables, table, rest_lengths, lane):
-    for i in range(len(rest_lengths)):
-        for a in range(3):
-            cables.A[i, a, lane], cables.B[i, a, lane] = table[i, EXIT + a], table[i, ANCHOR + a]
-        cables.l0[i, lane] = rest_lengths[i]
-        cables.k[i, lane] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
-
-
-def _load_bent(cables, table, rest_lengths, lane):
-    _load_plain(cables, table, rest_lengths, lane)
-    for i in range(len(rest_lengths)):
-        for a in range(3):
-            cables.axis[i, a, lane] = table[i, AXIS + a]
-        cables.EA[i, lane], cables.whole[i, lane] = table[i, STIFFNESS], rest_lengths[i] + table[i, BEHIND]
-        cables.a2[i, lane], cables.a3[i, lane] = table[i, STIFFENING], table[i, STIFFENING + 1]
-        cables.radius[i, lane] = table[i, RADIUS]
-
-
-inline(_load_plain)  # which the other one calls
-load_cables = by_type({Cables: _load_plain, BentCables: _load_bent})
-"""(cables, table, rest lengths, lane): write the cables of one problem into its lane."""
-
-
-@inline
-def load_pose(position, rotation, center_of_mass, lane, p, R, com):
-    """Write a pose and the centre of mass of one problem into its lane."""
-    for a in range(3):
-        p[a, lane], com[a, lane] = position[a], center_of_mass[a]
-        for b in range(3):
-            R[a, b, lane] = rotation[a, b]
-
-
-@inline
 def _choose(mask, source, target):
     """Copy the vector ``source`` to ``target`` where the mask is true."""
     for i in range(len(target)):
@@ -328,19 +240,18 @@ def take(mask, source, target):
     _take_bends(old, new, mask)
 
 
-def _take_no_bends(old, new, mask):
-    pass
+@by_type
+def _take_bends(old, new, mask):
+    """Copy what only bent cables have."""
 
 
+@_take_bends.of(BentState)
 def _take_all_bends(old, new, mask):
     for i in range(len(old.l)):
         old.k[i], old.bend[i] = where(mask, new.k[i], old.k[i]), where(mask, new.bend[i], old.bend[i])
         old.clear[i] = where(mask, new.clear[i], old.clear[i])
         for a in range(3):
             old.across[i, a] = where(mask, new.across[i, a], old.across[i, a])
-
-
-_take_bends = by_type({CableState: _take_no_bends, BentState: _take_all_bends})
 
 
 @inline
@@ -351,64 +262,3 @@ def _chosen(mask, one, other):
         where(mask, one.least_shift, other.least_shift), where(mask, one.force, other.force),
         where(mask, one.energy, other.energy),
     )  # fmt: skip
-
-
-GIVEN = {axes: f"Array(float64, {axes}, 'A', readonly=True)" for axes in (1, 2, 3, 4)}
-"""Types of arguments: they may be broadcast."""
-
-MEMORY = "float64[::1], uint8[::1]"
-"""Types of the arrays of a ``Room``."""
-
-
-def on_lanes(what: str, code: Callable, arguments: str) -> list[Compiled]:
-    """What ``code`` makes of a function for new cables, for plain and for bent ones."""
-    kinds = {"": new_plain_cables, " for pulleys and nonlinear laws": new_bent_cables}
-    return [
-        Compiled(what + name, code(new_cables), f"void({arguments})", error_model="numpy", nogil=True)
-        for name, new_cables in kinds.items()
-    ]
-
-
-_SOLVE = on_lanes(
-    "static solver for eight problems at once",
-    _solver,
-    f"{GIVEN[4]}, {GIVEN[3]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[3]}, {GIVEN[1]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[4]}, "
-    f"{MEMORY}, float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], "
-    "int64[:, ::1], int64[:, ::1]",
-)
-
-
-def solve(
-    bent: bool,
-    kernel: Kernel,
-    tables,
-    rest_lengths,
-    weights,
-    centers_of_mass,
-    wrenches,
-    free,
-    scales,
-    starts,
-    start_rotations,
-) -> tuple[np.ndarray, ...]:
-    """Results of ``kernel``, ``gufuncs.equilibrium_gufunc`` for plain or bent cables, at (rows, columns) of problems.
-
-    The arguments are those of the gufunc, all with these two axes before their own, except ``free``. What is left to
-    the gufunc is solved by it.
-    """
-    loop, m = rest_lengths.shape[:2], rest_lengths.shape[2]
-    shapes = (3,), (3, 3), (m,), (m,), ()
-    results = *(np.empty(loop + shape) for shape in shapes), np.empty(loop, np.int64), np.empty(loop, np.int64)
-    room = room_for(64 * m + 220, 2 * m)
-    _SOLVE[bent].compiled(
-        tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, room.numbers,
-        room.flags, *results,
-    )  # fmt: skip
-    left = results[-1] == _PENDING
-    if left.any():
-        some = (one[left] for one in (tables, rest_lengths, weights, centers_of_mass, wrenches))
-        found = kernel.compiled(*some, free, scales[left], *(one[left] for one in results[:2]))
-        found[5][:] += results[5][left]
-        for column, one in zip(results, found, strict=True):
-            column[left] = one
-    return results

@@ -35,10 +35,6 @@ CURVE_STEPS = 100
 STRAIN_STEPS = 60
 """Newton steps to the strain of a given tension; a handful do."""
 
-inline(cable_law.stiffened)
-_energy = inline(cable_law.energy)
-_tangent = inline(cable_law.tangent)
-
 
 @outlined
 def strain_of(T, EA, a2, a3):
@@ -48,9 +44,9 @@ def strain_of(T, EA, a2, a3):
         return eps, 1 / EA, 0.5 * T * eps
     if a2 >= 0.0 and a3 >= 0.0:
         eps = min(eps, cable_law.M)  # from above, where a law that stiffens is convex
-    slope, _ = _tangent(eps, 1.0, EA, a2, a3)
+    slope, _ = cable_law.tangent(eps, 1.0, EA, a2, a3)
     for _ in range(STRAIN_STEPS):
-        slope, e = _tangent(eps, 1.0, EA, a2, a3)
+        slope, e = cable_law.tangent(eps, 1.0, EA, a2, a3)
         step = e - T / slope
         if abs(step) <= 4e-16 * eps:
             break
@@ -61,7 +57,7 @@ def strain_of(T, EA, a2, a3):
         eps -= step
         if not low < eps < high:
             eps = 2 * low + T / EA if high == np.inf else 0.5 * (low + high)
-    return eps, 1 / slope, _energy(eps, 1.0, EA, a2, a3)
+    return eps, 1 / slope, cable_law.energy(eps, 1.0, EA, a2, a3)
 
 
 @outlined
@@ -69,12 +65,12 @@ def memory_spring(stretch, rest_length, behind, EA, a2, a3, row):
     """(k, e, energy): the spring k max(e, 0) with the law's tension and slope at this stretch x, and ∫T dx."""
     kind, x = row[KIND], stretch - row[CREPT]
     if kind == ELASTIC:
-        k, e = _tangent(x, rest_length + behind, EA, a2, a3)
-        return k, e, _energy(x, rest_length + behind, EA, a2, a3)
+        k, e = cable_law.tangent(x, rest_length + behind, EA, a2, a3)
+        return k, e, cable_law.energy(x, rest_length + behind, EA, a2, a3)
     if kind == LINEAR:
         return _between_knots(x, row)
     if not x > 0:
-        k, _ = _tangent(0.0, rest_length + behind, EA, a2, a3)
+        k, _ = cable_law.tangent(0.0, rest_length + behind, EA, a2, a3)
         return k, x, 0.0
     eps, low, high = x / (rest_length + behind), 0.0, np.inf
     T, slope, energy = 0.0, 1.0, 0.0
@@ -125,14 +121,14 @@ def _between_knots(x, row):
 @outlined
 def _point(eps, rest_length, behind, EA, a2, a3, row):
     """(x, dx/d eps, T, dT/dx, ∫T dx) of a nonlinear cable whose rope beyond the exit has the strain eps."""
-    hard, soft = _tangent(eps, 1.0, EA, a2, a3)
+    hard, soft = cable_law.tangent(eps, 1.0, EA, a2, a3)
     F = hard * soft
     delta, per_newton, work = _behind(F, behind, EA, a2, a3, row)
     e, widening = rest_length * eps + delta, rest_length + per_newton * hard
     Q, giving, given = _on_knots(e, row)
     T, rising = F - Q, hard - giving * widening
     x, per_strain = e + row[CREEP] * T, widening + row[CREEP] * rising
-    energy = rest_length * _energy(eps, 1.0, EA, a2, a3) + work - given + 0.5 * row[CREEP] * T * T
+    energy = rest_length * cable_law.energy(eps, 1.0, EA, a2, a3) + work - given + 0.5 * row[CREEP] * T * T
     return x, per_strain, T, rising / per_strain, energy
 
 
@@ -145,7 +141,7 @@ def _behind(F, behind, EA, a2, a3, row):
         return behind * eps, behind * slope, behind * energy
     stays = 0.0
     if held > 0:
-        stays = _energy(held / behind, 1.0, EA, a2, a3)
+        stays = cable_law.energy(held / behind, 1.0, EA, a2, a3)
     eps, slope, energy = strain_of(rho * F, EA, a2, a3)
     if behind * eps < held:
         return behind * eps, behind * rho * slope, behind / rho * energy

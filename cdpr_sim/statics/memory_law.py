@@ -31,10 +31,8 @@ Sources: Al-Bender, Lampaert and Swevers (2005, doi:10.1109/TAC.2005.858676) for
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
@@ -56,16 +54,20 @@ from cdpr_sim.statics.memory_kernel import (
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
 class MemoryLaw:
     """The cables of a robot in one step of a path, or of many paths side by side; of all parts of line together.
 
     The last of the elements is friction.
 
-    Attributes:
+    Args:
         robot: the robot.
         axial_stiffness: EA of the ropes, (..., cables) [N].
         rest_lengths: l0, (..., cables) [m].
+        memory: that of the last equilibrium.
+        duration: time since then [s].
+
+    Attributes:
+        curved: which cables have a nonlinear law, (cables,).
         whole: L, (..., cables) [m].
         mean: slope of B in the tension, (..., cables) [N/m].
         base: slope without elements, (..., cables) [N/m].
@@ -77,41 +79,21 @@ class MemoryLaw:
         middle: m, (..., cables) [N/m].
         shares: of the elements of hysteresis, without friction, (cables, slipping).
         rho: largest ratio of the tensions before and behind the exit, (cables,).
-        beyond: unstretched length lo beyond the exit at the last equilibrium, (..., cables) [m].
-        rubbed: whether there was one, and so a friction force, (..., cables).
+        held: stretch of the rope behind the exit while it holds there, (..., cables) [m]; nan where no friction acts.
         left: creep at the end of the step without the tension there, (..., cables, terms).
         softness: what each newton adds to it, (..., cables, terms) [1/N].
+        crept: creep at the end of the step without the tension there, (..., cables) [m].
+        compliance: what a newton of tension makes the cables creep during the step, (..., cables) [m/N].
     """
 
-    robot: Robot
-    axial_stiffness: Float[Array, "*#batch cables"]
-    rest_lengths: Float[Array, "*batch cables"]
-    whole: Float[Array, "*batch cables"]
-    mean: Float[Array, "*batch cables"]
-    base: Float[Array, "*batch cables"]
-    springs: Float[Array, "*batch cables elements"]
-    free: Float[Array, "*batch cables elements"]
-    most: Float[Array, "*batch cables elements"]
-    widths: Float[Array, "*batch cables elements"]
-    holding: Float[Array, "*batch cables"]
-    middle: Float[Array, "*batch cables"]
-    shares: Float[Array, "cables slipping"]
-    rho: Float[Array, " cables"]
-    beyond: Float[Array, "*batch cables"]
-    rubbed: Bool[Array, "*batch cables"]
-    left: Float[Array, "*batch cables terms"]
-    softness: Float[Array, "cables terms"]
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         robot: Robot,
         axial_stiffness: Float[Array, "*#batch cables"],
         rest_lengths: Float[Array, "*batch cables"],
         memory: Memory,
         duration: float,
-    ) -> MemoryLaw:
-        """The law with the memory of the last equilibrium, ``duration`` seconds ago."""
+    ) -> None:
         cabling, rest = robot.cabling, rest_lengths
         n, g = cabling.reeving, cabling.behind
         EA, L = n * axial_stiffness, rest + g
@@ -119,49 +101,25 @@ class MemoryLaw:
         a, b = EA / (rest + g / rho), EA / (rest + g * rho)
         middle = (a + b) / 2
         k = np.where((g > 0) & (cabling.pulley_friction > 0), EA / rest - middle, 0.0)
-        rubbed = ~np.isnan(memory.beyond)
+        rubbed, curved = ~np.isnan(memory.beyond), np.asarray(robot.stiffening.any(-1))
         mean = np.where(rubbed, middle, EA / L)
         shares, yields, widths = np.moveaxis(cabling.hysteresis, -1, 0)
-        holds = rubbed & (k > 0) & ~robot.stiffening.any(-1)  # the friction of nonlinear ropes is no spring
+        holds = rubbed & (k > 0) & ~curved  # the friction of nonlinear ropes is no spring
         moved = np.where(holds, memory.beyond - rest, 0.0)
         (EA1, tau1), T0 = np.moveaxis(cabling.creep, -1, 0), memory.tensions[..., None]
         x = duration / tau1
         decay, average = np.exp(-x), np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0)
-        return cls(
-            robot=robot,
-            axial_stiffness=axial_stiffness,
-            rest_lengths=rest,
-            whole=L,
-            mean=mean,
-            base=mean * (1 - shares.sum(-1)),
-            springs=_joined(mean[..., None] * shares, np.where(holds, k, 0.0)),
-            free=_joined(memory.strains * L[..., None], _over(EA / rest * moved, k)),
-            most=_joined(yields * L[..., None], np.full(rest.shape, np.inf)),
-            widths=_joined(np.broadcast_to(widths, memory.strains.shape), _over((a - b) / 2, k)),
-            holding=k,
-            middle=middle,
-            shares=shares,
-            rho=rho,
-            beyond=memory.beyond,
-            rubbed=rubbed,
-            left=decay * memory.creep + (average - decay) / EA1 * T0,
-            softness=(1 - average) / (n[:, None] * EA1),
-        )
-
-    @property
-    def compliance(self) -> Float[Array, "*batch cables"]:
-        """What a newton of tension makes the cables creep during the step [m/N]."""
-        return self.whole * self.softness.sum(-1)
-
-    @property
-    def crept(self) -> Float[Array, "*batch cables"]:
-        """Creep at the end of the step without the tension there [m]."""
-        return self.whole * self.left.sum(-1)
-
-    @property
-    def curved(self) -> Bool[Array, " cables"]:
-        """Which cables have a nonlinear law."""
-        return np.asarray(self.robot.stiffening.any(-1))
+        self.robot, self.axial_stiffness, self.rest_lengths, self.curved = robot, axial_stiffness, rest, curved
+        self.whole, self.mean, self.base = L, mean, mean * (1 - shares.sum(-1))
+        self.springs = _joined(mean[..., None] * shares, np.where(holds, k, 0.0))
+        self.free = _joined(memory.strains * L[..., None], _over(EA / rest * moved, k))
+        self.most = _joined(yields * L[..., None], np.full(rest.shape, np.inf))
+        self.widths = _joined(np.broadcast_to(widths, memory.strains.shape), _over((a - b) / 2, k))
+        self.holding, self.middle, self.shares, self.rho = k, middle, shares, rho
+        self.held = np.where(rubbed & (k > 0), memory.beyond - rest, np.nan)
+        self.left = decay * memory.creep + (average - decay) / EA1 * T0
+        self.softness = (1 - average) / (n[:, None] * EA1)
+        self.crept, self.compliance = L * self.left.sum(-1), L * self.softness.sum(-1)
 
     def table(self) -> Float[Array, "*batch cables columns"]:
         """Rows for compiled code: columns of ``core.cable``, and those of ``memory_kernel``."""
@@ -177,12 +135,6 @@ class MemoryLaw:
         memory[..., HELD], memory[..., RHO] = self.held, self.rho
         memory[..., KNOTS:] = np.concatenate([stretches, tensions, slopes], axis=-1)
         return table
-
-    @property
-    def held(self) -> Float[Array, "*batch cables"]:
-        """Stretch of the rope behind the exit while it holds there [m]; nan where no friction acts."""
-        acts = self.rubbed & (self.holding > 0)
-        return np.where(acts, self.beyond - self.rest_lengths, np.nan)
 
     def _knots(self) -> tuple[Array, Array, Array]:
         """Stretches from 0, at which the slope may change, tensions there, and the slopes that follow.
@@ -221,9 +173,9 @@ class MemoryLaw:
         """Stretches of elements, and their slopes."""
         bound = np.minimum(most, widths * e)
         closing = np.where(widths * e < most, widths, 0.0)
-        apart = e - free
-        slope = np.where(apart > bound, closing, np.where(apart < -bound, -closing, 1.0))
-        return np.clip(apart, -bound, bound), slope
+        stretch = e - free
+        slope = np.where(stretch > bound, closing, np.where(stretch < -bound, -closing, 1.0))
+        return np.clip(stretch, -bound, bound), slope
 
     def after(
         self, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"], time: float

@@ -25,10 +25,11 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.gufuncs import equilibrium_gufunc, stiffness_gufunc
+from cdpr_sim.statics.cable_kernel import SAGGING, WITH_MEMORY
+from cdpr_sim.statics.gufuncs import EQUILIBRIA, STIFFNESSES
 from cdpr_sim.statics.memory_law import MemoryLaw
 
-Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]
+Start: TypeAlias = tuple[Float[np.ndarray, "*#batch 3"], Float[np.ndarray, "*#batch 3 3"]]
 
 FELT = 1e-2 * ACCEPTABLE
 """Unbalanced force at convergence, as a fraction of the load, above which rounding matters: then the residual is
@@ -45,9 +46,8 @@ def solve(problem: Problem) -> Equilibrium:
     if robot.cabling.has_memory.any():
         return solve_step(Problems.stack([problem]), Memory.fresh(robot, (1,)))[0][0]
     position, rotation, lengths, tensions, residual, iterations, ended = solve_table(
-        robot, robot.cable_table(), problem.rest_lengths, robot.weight, problem.external_wrench, problem.position,
-        problem.rotation_matrix,
-    )  # fmt: skip
+        problem, robot.cable_table(), problem.position, problem.rotation_matrix
+    )
     pose, status = Pose(position, rotation), Status(int(ended))
     result = Equilibrium(
         problem=problem,
@@ -124,30 +124,7 @@ def solve_many(
     robot, threads = problems.robot, checked_threads(threads)
     if robot.cabling.has_memory.any():
         return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
-    found = solve_table(
-        robot,
-        problems.cable_table(),
-        problems.rest_lengths,
-        problems.mass * robot.gravity,
-        problems.external_wrench,
-        np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
-        problems.rotations,
-        problems.center_of_mass,
-        problems.characteristic_length,
-        threads=threads,
-    )
-    positions, turned, lengths, tensions, residuals, iterations, status = found
-    felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
-    if felt.any() and problems.robots is None:
-        asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
-        state = forces.at(asked, read.translation, read.rotation.as_matrix())
-        positions[felt], turned[felt] = state.position, state.rotation
-        lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
-        status[felt] = np.where(state.residual <= ACCEPTABLE * asked.force_scale, status[felt], Status.STALLED.value)
-    if (status != Status.CONVERGED).any():
-        status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
-    columns = positions, turned, lengths, tensions, residuals, iterations, status
-    return EquilibriumBatch(problems, *columns, source="newton", stiffness=_eigenvalues)
+    return _solved(problems, problems.cable_table(), (problems.positions, problems.rotations), threads)
 
 
 def solve_step(
@@ -161,78 +138,75 @@ def solve_step(
         duration: time since then [s].
         start: positions and rotation matrices from which the descent begins; by default the commanded poses.
     """
-    robot, shape = problems.robot, problems.shape
-    rest = np.broadcast_to(problems.rest_lengths, (*shape, robot.cables))
-    law = None
+    robot, law = problems.robot, None
+    rest = np.broadcast_to(problems.rest_lengths, (*problems.shape, robot.cables))
     if robot.cabling.has_memory.any():
-        law = MemoryLaw.of(robot, problems.axial_stiffness, rest, memory, duration)
-        table = law.table()
-    else:
-        table = robot.cable_table(problems.axial_stiffness)
-    positions, turned = start or (problems.positions, problems.rotations)
-    possible = problems.refusals == Status.PENDING
-    found = solve_table(
-        robot,
-        table,
-        rest,
-        problems.mass * robot.gravity,
-        problems.external_wrench,
-        np.where(possible[..., None], positions, np.nan),
-        turned,
-    )
-    positions, turned, lengths, tensions, residuals, iterations, status = found
-    balanced = residuals <= ACCEPTABLE * problems.force_scale
-    status = np.where((status == Status.CONVERGED) & ~balanced, Status.STALLED.value, status)
-    status = np.where(possible, status, problems.refusals)
-    columns = positions, turned, lengths, tensions, np.asarray(residuals), iterations, status
-    stiffness = partial(_eigenvalues_by, table, rest)
-    equilibria = EquilibriumBatch(problems, *columns, source="newton", stiffness=stiffness)
-    ended = np.where((status == Status.CONVERGED)[..., None], tensions, np.nan)
+        law = MemoryLaw(robot, problems.axial_stiffness, rest, memory, duration)
+    table = problems.cable_table() if law is None else law.table()
+    positions, rotations = start or (problems.positions, problems.rotations)
+    possible = (problems.refusals == Status.PENDING)[..., None]
+    found = _solved(problems, table, (np.where(possible, positions, np.nan), rotations))
+    ended = np.where(found.converged[..., None], found.tensions, np.nan)
     moment = duration + (0.0 if np.isnan(memory.time) else memory.time)
     if law is None:
-        return equilibria, dataclasses.replace(memory, beyond=rest.copy(), tensions=ended, time=moment)
-    heavy = robot.cabling.has_memory & (robot.cable_weights > 0)
-    if heavy.any():
-        ends = positions[..., None, :] + robot.anchors @ np.swapaxes(turned, -1, -2)
+        return found, dataclasses.replace(memory, beyond=rest.copy(), tensions=ended, time=moment)
+    with_mass = robot.cabling.has_memory & (robot.cable_weights > 0)
+    if with_mass.any():
+        ends = found.positions[..., None, :] + robot.anchors @ np.swapaxes(found.rotations, -1, -2)
         pulled = any_cables(table, ends - robot.exits, rest).exit_tension / robot.reeving
-        ended = np.where(heavy & ~np.isnan(ended), pulled, ended)
-    return equilibria, law.after(lengths, ended, moment)
+        ended = np.where(with_mass & ~np.isnan(ended), pulled, ended)
+    return found, law.after(found.lengths, ended, moment)
 
 
-def _eigenvalues_by(
-    table: Float[np.ndarray, "*batch cables columns"],
-    rest_lengths: Float[np.ndarray, "*batch cables"],
-    equilibria: EquilibriumBatch,
+def _solved(
+    problems: Problems, table: Float[np.ndarray, "*#batch cables columns"], start: Start, threads: int = 1
+) -> EquilibriumBatch:
+    """Equilibria with the cables of a table: that of the problems, or of ``MemoryLaw``."""
+    elastic, (positions, rotations) = table.shape[-1] == COLUMNS, start
+    if problems.falls.any():
+        positions = np.where(problems.falls[..., None], np.nan, positions)
+    found = solve_table(problems, table, positions, rotations, threads)
+    positions, turned, lengths, tensions, residuals, iterations, status = found
+    felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
+    if felt.any():
+        if problems.robots is None and elastic:
+            asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
+            state = forces.at(asked, read.translation, read.rotation.as_matrix())
+            positions[felt], turned[felt] = state.position, state.rotation
+            lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
+        balanced = residuals <= ACCEPTABLE * problems.force_scale
+        status = np.where(felt & ~balanced, Status.STALLED.value, status)
+    if (status != Status.CONVERGED).any():
+        status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
+    columns = positions, turned, lengths, tensions, np.asarray(residuals), iterations, status
+    stiffness = _eigenvalues if elastic else partial(_eigenvalues, table=table)
+    return EquilibriumBatch(problems, *columns, source="newton", stiffness=stiffness)
+
+
+def _eigenvalues(
+    equilibria: EquilibriumBatch, table: Float[np.ndarray, "*batch cables columns"] | None = None
 ) -> Float[np.ndarray, "*batch free"]:
-    """Eigenvalues with the laws of a path."""
-    return _stiffness(equilibria, table, rest_lengths)[0]
-
-
-def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch free"]:
     """Eigenvalues on demand; a named function, so that a batch can be pickled."""
-    return stiffness_of(equilibria)[0]
+    return stiffness_of(equilibria, table)[0]
 
 
-def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
+def stiffness_of(
+    equilibria: EquilibriumBatch, table: Float[np.ndarray, "*batch cables columns"] | None = None
+) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
     """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row.
 
     Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag.
+
+    Args:
+        equilibria: (...).
+        table: that of ``MemoryLaw``; by default the table of elastic cables.
     """
-    problems = equilibria.problems
-    return _stiffness(equilibria, problems.cable_table(), problems.rest_lengths)
-
-
-def _stiffness(
-    equilibria: EquilibriumBatch,
-    table: Float[np.ndarray, "*#batch cables columns"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
-    """The same for a table, which may be that of ``solve_table``."""
     problems, robot = equilibria.problems, equilibria.robot
-    kind = _kind(robot, table)
+    table = problems.cable_table() if table is None else table
+    kind = _kind(robot, table) if robot.cabling.massless else SAGGING
     with np.errstate(all="ignore"):
-        return stiffness_gufunc(**kind | {"sagging": not robot.cabling.massless})(
-            table, rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
+        return STIFFNESSES[kind](
+            table, problems.rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
             np.array(robot.free), problems.characteristic_length, equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
@@ -254,39 +228,32 @@ def solve_trajectory(trajectory: Trajectory) -> EquilibriumBatch:
 
 
 def solve_table(
-    robot: Robot,
+    problem: Problem | Problems,
     table: Float[np.ndarray, "*#batch cables columns"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-    weight: float | Float[np.ndarray, "*#batch"],
-    wrench: Float[np.ndarray, "*#batch 6"],
     positions: Float[np.ndarray, "*#batch 3"],
     rotations: Float[np.ndarray, "*#batch 3 3"],
-    center_of_mass: Float[np.ndarray, "*#batch 3"] | None = None,
-    characteristic_length: float | Float[np.ndarray, "*#batch"] | None = None,
     threads: int = 1,
 ) -> tuple[np.ndarray, ...]:
     """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
 
     Input that is not finite is reported by a status, not by a NumPy warning, and so is a cable that is strained beyond
     the range of its law where forces balance. Where cables have mass, the search starts at the equilibrium with
-    massless cables. ``table`` is of ``Robot.cable_table`` or ``MemoryLaw.table``; its numbers, the centre of mass
-    and the characteristic length may differ from the robot's.
+    massless cables. ``table`` is that of the problem, or of ``MemoryLaw``.
     """
-    cabling, free = robot.cabling, np.zeros(6)
+    robot, cabling, free = problem.robot, problem.robot.cabling, np.zeros(6)
     free[robot.free] = 1.0
-    platform = (
-        weight, robot.center_of_mass if center_of_mass is None else center_of_mass, wrench, free,
-        robot.characteristic_length if characteristic_length is None else characteristic_length,
+    given = (
+        table, problem.rest_lengths, problem.mass * robot.gravity, problem.center_of_mass, problem.external_wrench,
+        free, problem.characteristic_length, positions, rotations,
     )  # fmt: skip
-    given = (table, rest_lengths, *platform, positions, rotations)
-    solver = equilibrium_gufunc(**_kind(robot, table))
+    solver = EQUILIBRIA[_kind(robot, table)]
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
         with np.errstate(all="ignore"):
             found, before = solver(*given), 0
             if not cabling.massless:
                 before = found[5]
-                found = equilibrium_gufunc(sagging=True)(*given[:-2], found[0], found[1])
+                found = EQUILIBRIA[SAGGING](*given[:-2], found[0], found[1])
         *found, iterations, status = map(np.asarray, found)
         return *found, np.asarray(iterations + before), status
 
@@ -302,7 +269,6 @@ def solve_table(
     return at, turned, lengths, tensions, residuals, iterations, status
 
 
-def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> dict[str, bool]:
+def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> int:
     """Which kernel takes the cables of a table, without their mass."""
-    has_memory = table.shape[-1] > COLUMNS
-    return {"has_memory": has_memory, "bent": robot.cabling.bent and not has_memory}
+    return WITH_MEMORY if table.shape[-1] > COLUMNS else robot.cabling.bent

@@ -36,7 +36,18 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import WEIGHT
-from cdpr_sim.core.compiling import by_type, inline, nowhere, of_one_number, outlined, where
+from cdpr_sim.core.compiling import (
+    HEAP,
+    by_type,
+    inline,
+    matrix,
+    nowhere,
+    of_one_number,
+    outlined,
+    truths,
+    vector,
+    where,
+)  # fmt: skip
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import (
@@ -137,11 +148,12 @@ class Model(NamedTuple):
 
 
 @inline
-def new_model(springs):
+def new_model(room, springs):
     """A model that is to be filled in."""
     return Model(
-        np.empty((springs, 6)), np.empty(springs), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    )
+        matrix(room, springs, 6), vector(room, springs), vector(room, 6), matrix(room, 6, 6), matrix(room, 6, 6),
+        vector(room, 6),
+    )  # fmt: skip
 
 
 class Scales(NamedTuple):
@@ -154,24 +166,24 @@ class Scales(NamedTuple):
     energy: float
 
 
-def descent(unpack: Callable) -> Callable:
-    """The solver of one problem, for cables of the type that ``unpack`` makes of the table."""
+def descent(new_cables: Callable) -> Callable:
+    """The solver of one problem, for cables of the type that ``new_cables`` makes."""
 
     def descend(
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
         rotation, lengths, tensions, residual, iterations, status,
     ):  # fmt: skip
         """Newton iterations from a pose; there are few arrays, since creating one is slow."""
-        m, cables = len(rest_lengths), unpack(table, rest_lengths)
+        m, cables = len(rest_lengths), new_cables(HEAP, table)
+        ck.load(cables, table, rest_lengths, ())
         case = Case(cables, weight, center_of_mass, wrench, free, scale)
-        here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
-        model = new_model(springs)
-        x, taut, tau, predicted = np.empty(6), np.empty(springs, np.bool_), np.empty(springs), np.empty(max(m, 6))
+        here, trial = new_point(HEAP, cables), new_point(HEAP, cables)
+        springs = len(here.c.e)
+        model = new_model(HEAP, springs)
+        x, predicted = vector(HEAP, 6), vector(HEAP, max(m, 6))
+        taut, tau = truths(HEAP, springs), vector(HEAP, springs)
 
-        for a in range(3):
-            here.p[a] = start_position[a]
-            for b in range(3):
-                here.R[a, b] = start_rotation[a, b]
+        copy_pose(start_position, start_rotation, (), here.p, here.R, ())
         V = measure(case, here)
         scales = scales_of(case, here)
         first_tensions(case, here, scales.load, tau, taut)
@@ -222,7 +234,7 @@ def descent(unpack: Callable) -> Callable:
                 iterations[0], status[0] = iteration, _STALLED
                 break
             # Where forces balance next, the model of this step had a minimum...
-            certified = shift == 0.0 and _has_springs(here.c)
+            certified = shift == 0.0 and springs > 0
             if V - V_trial > TRUSTED * decrease:
                 shift = smaller_shift(shift, scales)
             for i in range(springs):
@@ -239,10 +251,7 @@ def descent(unpack: Callable) -> Callable:
         if not ck.on_wheels(here.c):
             status[0] = _OFF_WHEEL
         residual[0] = unbalanced
-        for a in range(3):
-            position[a] = here.p[a]
-            for b in range(3):
-                rotation[a, b] = here.R[a, b]
+        copy_pose(here.p, here.R, (), position, rotation, ())
         for i in range(m):
             lengths[i] = here.c.l[i]
         ck.fill_tensions(cables, here.c, table, tensions)
@@ -273,57 +282,36 @@ def scales_of(case, start):
     )
 
 
-def _true(c):
-    return True
-
-
-def _false(c):
-    return False
-
-
-_has_springs = by_type({CableState: _true, BentState: _true, SaggingState: _false})
-
-
-def _spring_tolerances(cables):
-    return np.inf, 0.0, 1.0, 0.25
-
-
-def _sagging_tolerances(cables):
+@by_type
+def _tolerances(cables):
     """Largest unbalanced force, the cables' own weight, the least shift as a fraction of that of springs, and a margin.
 
     Slack cables hold the platform by little more than their weight. The margin is the rounding of forces that are
     computed anew from the pose, which of springs is that of their lengths.
     """
+    return np.inf, 0.0, 1.0, 0.25
+
+
+@_tolerances.of(SaggingCables)
+def _sagging_tolerances(cables):
     hanging = 0.0
     for i in range(len(cables.l0)):
         hanging += cables.table[i, WEIGHT] * cables.l0[i]
     return LARGEST_RESIDUAL, hanging, 1e-6, 0.0
 
 
-_tolerances = by_type(
-    {
-        Cables: _spring_tolerances,
-        BentCables: _spring_tolerances,
-        SaggingCables: _sagging_tolerances,
-        CablesWithMemory: _spring_tolerances,
-    }
-)
-
-
-def _springs_energy_noise(c, scales, V):
+@by_type
+def energy_noise(c, scales, V):
+    """Rounding of the energy V."""
     return max(scales.energy, ENERGY_ROUNDING * abs(V))
 
 
+@energy_noise.of(SaggingState)
 def _sagging_energy_noise(c, scales, V):
     noise = 1e13 * scales.energy
     for i in range(len(c.tension)):
         noise += c.tension[i] * scales.size
     return ROUNDING * noise
-
-
-energy_noise = by_type(
-    {CableState: _springs_energy_noise, BentState: _springs_energy_noise, SaggingState: _sagging_energy_noise}
-)
 
 
 @inline
@@ -370,9 +358,18 @@ def spring_tensions(at, tau, taut):
 
 
 @inline
-def new_point(case):
+def new_point(room, cables):
     """A point that is to be measured."""
-    return Point(np.empty(3), np.empty((3, 3)), ck.new_state(case.cables))
+    return Point(vector(room, 3), matrix(room, 3, 3), ck.new_state(cables, room))
+
+
+@inline
+def copy_pose(p, R, lane, to_p, to_R, to_lane):
+    """Copy a position and a rotation matrix: on lanes, those of the lane (w,); otherwise (), all."""
+    for a in range(3):
+        to_p[(a, *to_lane)] = p[(a, *lane)]
+        for b in range(3):
+            to_R[(a, b, *to_lane)] = R[(a, b, *lane)]
 
 
 @inline
@@ -495,26 +492,18 @@ def _model_minimum(at, model, shift, taut, x):
     False where the quadratic form of some taut set on the way is not positive definite, or where the sets cycle.
     """
     for _ in range(MAX_TAUT_SETS):
-        if not _newton_target(at, model, shift, taut, x):
+        fill_system(at, model, shift, taut)
+        if not factorise(model.L, 6):
             return False
+        substitute(model.L, model.rhs, x)
         if not update_taut(at, model, x, taut):
             return True
     return False
 
 
 @inline
-def _newton_target(at, model, shift, taut, x):
-    """The minimum x if exactly the cables ``taut`` were springs; False where there is none."""
-    fill_system(at, model, shift, taut)
-    if not factorise(model.L, 6):
-        return False
-    substitute(model.L, model.rhs, x)
-    return True
-
-
-@inline
 def fill_system(at, model, shift, taut):
-    """Fill in the lower half of the equation L x = rhs of that minimum."""
+    """Fill in the lower half of the equation L x = rhs of the minimum if exactly the cables ``taut`` were springs."""
     k, e = at.c.k, at.c.e
     J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
     for a in range(6):
@@ -556,7 +545,8 @@ def shorten(x, longest, largest):
         x[a] /= where(factor > 1, factor, 1.0)
 
 
-def _springs_decrease(c, model, x, predicted):
+@by_type
+def model_decrease(c, model, x, predicted):
     """Decrease of the unshifted model along x; fill in the stretches that it predicts."""
     k, e = c.k, c.e
     J, g, K = model.J, model.g, model.K
@@ -576,8 +566,9 @@ def _springs_decrease(c, model, x, predicted):
     return decrease
 
 
+@model_decrease.of(SaggingState)
 def _sagging_decrease(c, model, x, predicted):
-    """The same; fill in the slope that the model predicts."""
+    """The same without springs; fill in the slope that the model predicts."""
     decrease = 0.0
     for a in range(6):
         bent = 0.0
@@ -588,10 +579,8 @@ def _sagging_decrease(c, model, x, predicted):
     return decrease
 
 
-model_decrease = by_type({CableState: _springs_decrease, BentState: _springs_decrease, SaggingState: _sagging_decrease})
-
-
-def _retract_springs(c, case, trial, model, predicted, x):
+@by_type
+def _retract(c, case, trial, model, predicted, x):
     """Correct x so that the taut cables get the stretch that the model predicts for them."""
     rhs = model.rhs
     fill_correction(c, model, predicted, rhs)
@@ -610,6 +599,7 @@ def fill_correction(c, model, predicted, rhs):
             rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
 
 
+@_retract.of(SaggingState)
 def _retract_sagging(c, case, trial, model, predicted, x):
     """Correct x so that the slope becomes what the model predicts."""
     rhs = model.rhs
@@ -621,16 +611,15 @@ def _retract_sagging(c, case, trial, model, predicted, x):
         x[a] += rhs[a]
 
 
-_retract = by_type({CableState: _retract_springs, BentState: _retract_springs, SaggingState: _retract_sagging})
-
-
-def _leave_unpolished(c, case, here, model, scales, unbalanced, x, trial):
+@by_type
+def _polish(c, case, here, model, scales, unbalanced, x, trial):
+    """One more Newton step from a minimum, where it balances the forces better; return what remains unbalanced."""
     return unbalanced
 
 
+@_polish.of(SaggingState)
 @outlined
 def _polish_sagging(c, case, here, model, scales, unbalanced, x, trial):
-    """One more Newton step from a minimum, where it balances the forces better; return what remains unbalanced."""
     if unbalanced <= POLISHED * scales.force or not is_minimum(here, model):
         return unbalanced
     for a in range(6):
@@ -640,15 +629,9 @@ def _polish_sagging(c, case, here, model, scales, unbalanced, x, trial):
     left = fill_slopes(case, trial, model)
     if not (V == V and left < unbalanced):  # nan where a cable has no path
         return unbalanced
-    for a in range(3):
-        here.p[a] = trial.p[a]
-        for b in range(3):
-            here.R[a, b] = trial.R[a, b]
+    copy_pose(trial.p, trial.R, (), here.p, here.R, ())
     measure(case, here)
     return left
-
-
-_polish = by_type({CableState: _leave_unpolished, BentState: _leave_unpolished, SaggingState: _polish_sagging})
 
 
 @inline

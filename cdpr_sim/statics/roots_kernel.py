@@ -11,10 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cdpr_sim.core.compiling import inline
+from cdpr_sim.core.compiling import HEAP, inline, matrix, truths, vector
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.newton_kernel import (
     Case,
+    copy_pose,
     fill_curvature,
     fill_slopes,
     fill_system,
@@ -38,24 +39,23 @@ LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8
 second, the search ends, in a minimum of the unbalanced force."""
 
 
-def search(unpack: Callable) -> Callable:
-    """The search from one start, for cables of the type that ``unpack`` makes of the table."""
+def search(new_cables: Callable) -> Callable:
+    """The search from one start, for cables of the type that ``new_cables`` makes."""
 
     def descend(
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, start_position,
         start_rotation, position, rotation, unbalanced,
     ):  # fmt: skip
         """Steps that make the norm of the net wrench smaller, up to ``enough``."""
-        cables = unpack(table, rest_lengths)
+        cables = new_cables(HEAP, table)
+        ck.load(cables, table, rest_lengths, ())
         case = Case(cables, weight, center_of_mass, wrench, free, scale)
-        here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
-        model = new_model(springs)
-        taut, tau, x = np.empty(springs, np.bool_), np.empty(springs), np.empty(6)
-        slope, normal, gradient = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-        for a in range(3):
-            here.p[a] = start_position[a]
-            for b in range(3):
-                here.R[a, b] = start_rotation[a, b]
+        here, trial = new_point(HEAP, cables), new_point(HEAP, cables)
+        springs = len(here.c.e)
+        model = new_model(HEAP, springs)
+        taut, tau, x = truths(HEAP, springs), vector(HEAP, springs), vector(HEAP, 6)
+        slope, normal, gradient = matrix(HEAP, 6, 6), matrix(HEAP, 6, 6), vector(HEAP, 6)
+        copy_pose(start_position, start_rotation, (), here.p, here.R, ())
         ck.measure(cables, here.p, here.R, here.c)
         size = fill_wrench(case, here, model, tau, taut)
         moved, share = True, damping
@@ -76,10 +76,7 @@ def search(unpack: Callable) -> Callable:
             else:
                 share *= HIGHER
         unbalanced[0] = size
-        for a in range(3):
-            position[a] = here.p[a]
-            for b in range(3):
-                rotation[a, b] = here.R[a, b]
+        copy_pose(here.p, here.R, (), position, rotation, ())
 
     return descend
 

@@ -10,16 +10,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cdpr_sim.core.compiling import nowhere, where
-from cdpr_sim.core.lanes import WIDTH, Room, bits_of, everywhere, mask_of, masks, matrix6, room_for, vector
+from cdpr_sim.core.compiling import matrix, nowhere, truths, vector, where
+from cdpr_sim.core.lanes import WIDTH, Room, bits_of, everywhere, mask_of
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics import newton_kernel as nk
 from cdpr_sim.statics import roots_kernel as rk
-from cdpr_sim.statics.lanes_kernel import GIVEN, MEMORY, load_cables, load_pose, new_point, on_lanes, take
-from cdpr_sim.statics.newton_kernel import Case, Model
+from cdpr_sim.statics.lanes_kernel import take
 
 
-def _searcher(new_cables: Callable) -> Callable:
+def search(new_cables: Callable) -> Callable:
     """The search from many starts with cables of the type that ``new_cables`` makes."""
 
     def search_all(
@@ -30,16 +29,13 @@ def _searcher(new_cables: Callable) -> Callable:
         in_a_row, m = starts.shape[1], len(rest_lengths)
         searches = starts.shape[0] * in_a_row
         room = Room(numbers, flags, np.zeros(2, np.int64))
-        cables, com = new_cables(room, m), vector(room, 3)
-        here, trial = new_point(room, cables), new_point(room, cables)
-        model = Model(
-            matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
-        )
-        slope, normal, gradient, x = matrix6(room, 6), matrix6(room, 6), vector(room, 6), vector(room, 6)
-        tau, taut, found = vector(room, m), masks(room, m), vector(room, 1)
-        case = Case(cables, weight, com, wrench, free, scale)
+        cables = new_cables(room, table)
+        here, trial, model = nk.new_point(room, cables), nk.new_point(room, cables), nk.new_model(room, m)
+        slope, normal, gradient, x = matrix(room, 6, 6), matrix(room, 6, 6), vector(room, 6), vector(room, 6)
+        tau, taut, found = vector(room, m), truths(room, m), vector(room, 1)
+        case = nk.Case(cables, weight, center_of_mass, wrench, free, scale)
         for w in range(WIDTH):
-            load_cables(cables, table, rest_lengths, w)
+            ck.load(cables, table, rest_lengths, (w,))
 
         size, share, steps = everywhere(np.inf), everywhere(damping), everywhere(0.0)
         who, active, given = np.zeros(WIDTH, np.int64), 0, 0
@@ -48,7 +44,7 @@ def _searcher(new_cables: Callable) -> Callable:
             for w in range(WIDTH):
                 if given < searches and not (active >> w) & 1:
                     at = given // in_a_row, given % in_a_row
-                    load_pose(starts[at], start_rotations[at], center_of_mass, w, trial.p, trial.R, com)
+                    nk.copy_pose(starts[at], start_rotations[at], (), trial.p, trial.R, (w,))
                     begun |= 1 << w
                     who[w] = given
                     given += 1
@@ -76,10 +72,7 @@ def _searcher(new_cables: Callable) -> Callable:
                     if (ended >> w) & 1:
                         at = who[w] // in_a_row, who[w] % in_a_row
                         unbalanced[at] = found[0, w]
-                        for a in range(3):
-                            positions[at][a] = here.p[a, w]
-                            for b in range(3):
-                                rotations[at][a, b] = here.R[a, b, w]
+                        nk.copy_pose(here.p, here.R, (w,), positions[at], rotations[at], ())
                 active &= ~ended
 
             # The next one.
@@ -89,30 +82,3 @@ def _searcher(new_cables: Callable) -> Callable:
             steps += 1.0
 
     return search_all
-
-
-_SEARCH = on_lanes(
-    "search for saddles from eight poses at once",
-    _searcher,
-    f"{GIVEN[2]}, {GIVEN[1]}, float64, {GIVEN[1]}, {GIVEN[1]}, {GIVEN[1]}, float64, float64, float64, "
-    f"{GIVEN[3]}, {GIVEN[4]}, {MEMORY}, float64[:, :, ::1], float64[:, :, :, ::1], float64[:, ::1]",
-)
-
-
-def search(
-    bent: bool, table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, starts,
-    start_rotations,
-) -> tuple[np.ndarray, ...]:  # fmt: skip
-    """Results of ``gufuncs.roots_gufunc`` for plain or bent cables from (rows, columns) of starts.
-
-    The arguments are those of the gufunc; the poses have these two axes before their own, and the rest is the same for
-    all starts.
-    """
-    loop, m = starts.shape[:2], len(rest_lengths)
-    results = np.empty((*loop, 3)), np.empty((*loop, 3, 3)), np.empty(loop)
-    room = room_for(60 * m + 260, m)
-    _SEARCH[bent].compiled(
-        table, rest_lengths, float(weight), center_of_mass, wrench, free, float(scale), float(enough), float(damping),
-        starts, start_rotations, room.numbers, room.flags, *results,
-    )  # fmt: skip
-    return results

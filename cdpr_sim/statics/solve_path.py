@@ -10,8 +10,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.core.equilibrium_path import EquilibriumPath
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, EquilibriumPath
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
@@ -57,9 +56,8 @@ def solve_path(
     Raises:
         InvalidInput: an invalid argument, a single pose, times that decrease, a memory of another robot.
     """
-    path = PathProblem.of(
-        robot, poses, rest_lengths, external_wrench, rotations=rotations, times=times, memory=memory, steps=steps
-    )
+    commands = Problems.of(robot, poses, rest_lengths, external_wrench, rotations=rotations)
+    path = PathProblem.of(commands, times=times, memory=memory, steps=steps)
     return follow(path)
 
 

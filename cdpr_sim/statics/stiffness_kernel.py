@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.compiling import inline, nowhere, where
+from cdpr_sim.core.compiling import HEAP, inline, matrix, nowhere, vector, where
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.matrix_kernel import Tridiagonal, eigenvalues_of, factorise
@@ -29,20 +29,27 @@ class ModesScratch(NamedTuple):
     tridiagonal: Tridiagonal
 
 
-def element(unpack: Callable) -> Callable:
-    """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
+@inline
+def new_scratch(room, springs, n):
+    """Memory of these results."""
+    return ModesScratch(
+        matrix(room, springs, 6), matrix(room, 6, 6), matrix(room, 6, 6), matrix(room, n, 6), matrix(room, n, 6),
+        vector(room, n), Tridiagonal(vector(room, n), vector(room, n), vector(room, n)),
+    )  # fmt: skip
+
+
+def element(new_cables: Callable) -> Callable:
+    """An element of the gufunc, for cables of the type that ``new_cables`` makes."""
 
     def modes(
         table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
         frequency,
     ):  # fmt: skip
         """Eigenvalues of the stiffness matrix, and the lowest frequency from it and the mass matrix."""
-        cables, n = unpack(table, rest_lengths), len(free)
-        state = ck.new_state(cables)
-        scratch = ModesScratch(
-            np.empty((len(state.e), 6)), np.empty((6, 6)), np.empty((6, 6)), np.empty((n, 6)), np.empty((n, 6)),
-            np.empty(n), Tridiagonal(np.empty(6), np.empty(6), np.empty(6)),
-        )  # fmt: skip
+        cables, n = new_cables(HEAP, table), len(free)
+        ck.load(cables, table, rest_lengths, ())
+        state = ck.new_state(cables, HEAP)
+        scratch = new_scratch(HEAP, len(state.e), n)
         ck.measure(cables, position, rotation, state)
         frequency[0] = fill_modes(state, mass, gravity, center_of_mass, inertia, free, scale, rotation, scratch)
         for a in range(n):

@@ -81,7 +81,13 @@ def short_bar_rotation(robot: Robot, position: ArrayLike) -> float:
 def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
     """(X1, X2), (h1, h2) and b [m]."""
     robot.cabling.refuse_weight("two-cable closed form")
-    robot.cabling.refuse_drive_line("two-cable closed form")
+    if not robot.cabling.direct:
+        cable = int(np.argmax((robot.winch_to_exit > 0) | (robot.reeving > 1)))
+        raise InvalidInput(
+            f"two-cable closed form: found winch_to_exit {robot.winch_to_exit[cable]:g} m and reeving "
+            f"{robot.reeving[cable]} in cable {cable + 1}, expected 0 and 1: the drive line is not taken "
+            "into account here"
+        )
     if robot.cabling.pulleys.any():
         raise InvalidInput(
             f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables without "

@@ -21,7 +21,7 @@ by at most 0.012 N (60 random poses).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.cable_path import off_wheel
 from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.compiling import Kernel
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.on_threads import checked_threads, on_threads
@@ -36,7 +37,7 @@ from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
-from cdpr_sim.statics.gufuncs import margin_gufunc, shortfall_gufunc
+from cdpr_sim.statics.gufuncs import MARGINS, SHORTFALLS
 
 Array = np.ndarray
 
@@ -77,7 +78,7 @@ def shortfall(
         InvalidInput: an invalid argument; a single pose at which a cable leaves its pulley's wheel.
     """
     demand = _demand(robot, positions, rotations, tension_limits, wrenches)
-    left = over_poses(shortfall_gufunc, robot, *demand, threads=checked_threads(threads))
+    left = over_poses(SHORTFALLS, robot, *demand, threads=checked_threads(threads))
     left = np.where((demand[0] > demand[1]).any(-1), np.inf, left)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled, or limits exclude each other
         parts = zip(demand, (1, 1, 2, 1, 2), strict=True)
@@ -177,7 +178,7 @@ def capacity_margin(
         InvalidInput: as in ``shortfall``.
     """
     demand = _demand(robot, positions, rotations, tension_limits, wrenches)
-    return over_poses(margin_gufunc, robot, *demand, threads=checked_threads(threads))
+    return over_poses(MARGINS, robot, *demand, threads=checked_threads(threads))
 
 
 def feasible_by_linprog(
@@ -225,7 +226,7 @@ def _demand(
 
 
 def over_poses(
-    gufunc: Callable[..., Callable],
+    kernels: Sequence[Kernel],
     robot: Robot,
     lower: Float[Array, "*#batch cables"],
     upper: Float[Array, "*#batch cables"],
@@ -239,7 +240,7 @@ def over_poses(
 
     def evaluated(*given: np.ndarray | float) -> tuple[np.ndarray]:
         with np.errstate(all="ignore"):
-            return (np.asarray(gufunc(bent=robot.cabling.bent)(*given)),)
+            return (np.asarray(kernels[robot.cabling.bent](*given)),)
 
     given = (
         robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
