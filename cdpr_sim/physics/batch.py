@@ -337,7 +337,8 @@ class Simulations:
 
         Central differences on the cables that are taut now: during the differencing these may push and slack ones have
         no force, so that a displacement does not cross the kink of a cable that is stretched by less; and no element of
-        a memory begins or ends to slide. The wheels follow the platform.
+        a memory begins or ends to slide. The wheels follow the platform. Eigenvalues within the error of truncation,
+        which is of the square of the largest rotation, are 0.
         """
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
         elements = self._elements.stiffnesses.copy()
@@ -365,17 +366,13 @@ class Simulations:
         stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         self._elements.stiffnesses[:] = elements
-        return softest_of(stiffness, np.isfinite(stiffness).all((1, 2)))
-
-
-def softest_of(
-    stiffness: Float[np.ndarray, "rows free free"], known: Bool[np.ndarray, " rows"]
-) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
-    """Eigenvalues of the symmetric parts, ascending, and the directions of the smallest; nan where not ``known``."""
-    eigenvalues, softest = np.full((2, *stiffness.shape[:2]), np.nan)
-    values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2))[known] / 2)
-    eigenvalues[known], softest[known] = values, vectors[:, :, 0]
-    return eigenvalues, softest
+        known = np.isfinite(stiffness).all((1, 2))
+        values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2))[known] / 2)
+        truncation = (step[known, None] / self.length) ** 2 * np.abs(values).max(1, keepdims=True)
+        values[np.abs(values) <= truncation] = 0
+        eigenvalues, softest = np.full((2, *stiffness.shape[:2]), np.nan)
+        eigenvalues[known], softest[known] = values, vectors[:, :, 0]
+        return eigenvalues, softest
 
 
 def in_base_frame(

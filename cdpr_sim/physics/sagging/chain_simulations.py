@@ -47,6 +47,9 @@ IMMOVABLE = 1e100
 SHORTEST_FREE = 0.1
 """Least free length of a first segment that damping assumes, in radii of its wheel."""
 
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion w x y z without rotation."""
+
 POSITIONS, VELOCITIES, FORCES = (
     stage.value for stage in (mujoco.mjtStage.mjSTAGE_POS, mujoco.mjtStage.mjSTAGE_VEL, mujoco.mjtStage.mjSTAGE_ACC)
 )
@@ -310,13 +313,22 @@ class ChainSimulations:
     def displaced(
         self, qpos: Float[np.ndarray, "*#batch coordinates"], moves: Float[np.ndarray, "*#batch dofs"]
     ) -> Float[np.ndarray, "*batch coordinates"]:
-        """Coordinates after ``moves``, as MuJoCo integrates velocities in a unit of time."""
-        if self.free != 6:
-            return qpos + moves
-        quaternions = qpos[..., 3:7]
-        angles = (matrices(quaternions) @ moves[..., 3:6, None])[..., 0]
-        parts = qpos[..., :3] + moves[..., :3], turned(quaternions, angles), qpos[..., 7:] + moves[..., 6:]
-        return np.concatenate(parts, axis=-1)
+        """Coordinates after ``moves``, while chains keep their directions in space where a platform rotates.
+
+        Masses that rotate with it would move by the length of a chain over the platform's: too far for differences, and
+        too far from where they are in balance.
+        """
+        turning = moves[..., 3:6] if self.free == 6 else moves[..., 2:3] * [0.0, 1.0, 0.0]
+        rotations, (places, dofs) = matrices(turned(UPRIGHT, turning)), (self.chains.coordinates, self.chains.dofs)
+        if self.free == 6:
+            quaternions = qpos[..., 3:7]
+            angles = (matrices(quaternions) @ turning[..., None])[..., 0]
+            parts = qpos[..., :3] + moves[..., :3], turned(quaternions, angles), qpos[..., 7:] + moves[..., 6:]
+            there = np.concatenate(parts, axis=-1)
+        else:
+            there = qpos + moves
+        there[..., places] = qpos[..., places] @ rotations[..., None, :, :] + moves[..., dofs]
+        return there
 
     def forces_at(
         self,
