@@ -134,7 +134,7 @@ class ChainSimulations:
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         self.springs, self.polynomials = self.stiffnesses.copy(), self.further.copy()
         if not self.given:
-            division = straight(felt_at_exit(cabling, chains.cables))
+            division = straight(felt_at_exit(cabling))
             self.division = ChainDivision(*(np.tile(part, (rows, 1, 1)) for part in division))
             self._let_out(self.all)
         load = np.maximum(robot.weight, np.abs(self.wrenches / robot.units).max(1))
@@ -201,8 +201,8 @@ class ChainSimulations:
         """
         chains, cabling, rest = self.chains, self.robot.cabling, self.rest_lengths[at]
         axial_stiffness, row = self.axial_stiffness[at], at[:, None]
-        lengths, masses = cut(self.robot, chains.cables, rest, ChainDivision(*(part[at] for part in self.division)))
-        springs = segment_springs(cabling, chains.cables, axial_stiffness[:, chains.cables], lengths)
+        lengths, masses = cut(self.robot, rest, ChainDivision(*(part[at] for part in self.division)))
+        springs = segment_springs(cabling, axial_stiffness, lengths)
         segments = row[..., None], chains.segments
         self.stiffnesses[segments], self.further[segments] = springs
         lengths[..., 0] += chains.entries
@@ -558,7 +558,7 @@ class ChainSimulations:
         at, pulls, bends = at[bent], pulls[bent], bends[bent]
         qpos, weights = self.qpos[at].copy(), self.weights[at][..., None]
         for _ in range(2 if len(at) else 0):
-            division = divisions(1 + pulls[..., 2], bends, felt_at_exit(self.robot.cabling, self.chains.cables))
+            division = divisions(1 + pulls[..., 2], bends, felt_at_exit(self.robot.cabling))
             for own, part in zip(self.division, division, strict=True):
                 own[at] = part
             self._let_out(at)
