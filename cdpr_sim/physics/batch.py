@@ -124,7 +124,10 @@ class Simulations:
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         if self.robot.cabling.has_memory.any():
-            self._begin(problems, Memory.fresh(self.robot, (len(problems),)) if memory is None else memory, duration)
+            memory = Memory.fresh(self.robot, (len(problems),)) if memory is None else memory
+            rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
+            self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
+            self.polynomials[:] = 0
         self.place(problems.positions, problems.rotations)
         self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))
         if self.wrenches.any():
@@ -139,12 +142,6 @@ class Simulations:
             if not cabling.linear:
                 self.polynomials[:] = tendons.polynomials(cabling, stiffness, rest) / self.unit
         self.armature[:] = self.model.dof_armature
-
-    def _begin(self, problems: Problems, memory: Memory, duration: float) -> None:
-        """Springs of cables with a memory."""
-        rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
-        self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
-        self.polynomials[:] = 0
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Reset the motion of ``rows`` and MuJoCo's warnings; apply the loads again: MuJoCo drops them."""
@@ -201,16 +198,6 @@ class Simulations:
     def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:
         """Unstretched cable lengths l0 [m]."""
         return self.band[:, :, 1] - self.entries if self.step is None else self.step.rest_lengths
-
-    def remembered(self, reading: SimulationReading) -> Memory:
-        """The memory of the cables of each row that has come to rest as ``reading`` states, without the time."""
-        step = self.step or RopeStep.of(
-            self.robot.cabling,
-            self.robot.axial_stiffness,
-            self.rest_lengths,
-            Memory.fresh(self.robot, (len(self.qpos),)),
-        )
-        return step.memory_after(reading.lengths, reading.tensions)
 
     def evaluate(
         self, at: Int[np.ndarray, " some"], qpos: Float[np.ndarray, "some coordinates"]

@@ -7,13 +7,12 @@ that depends on the processor, so that the last digit differs between processors
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 """No attributes."""
@@ -23,7 +22,7 @@ LEAST_INERTIA = 1e-14
 motion."""
 
 
-def text(values: ArrayLike) -> str:
+def text(values: float | Sequence[float] | np.ndarray) -> str:
     """``repr`` of each double, whole numbers without ``.0``, zero without a sign."""
     return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in np.atleast_1d(values))
 

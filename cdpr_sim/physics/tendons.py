@@ -82,7 +82,8 @@ def add_tendons(
         heavy = cabling.linear_density[i - 1] > 0
         if heavy and nodes is None:
             continue
-        parts, shared = cabling.reeving[i - 1], cabling.winch_to_exit[i - 1] / cabling.reeving[i - 1]
+        parts = float(cabling.reeving[i - 1])
+        shared = cabling.winch_to_exit[i - 1] / parts
         properties = [parts, shared, *([uneven[i - 1]] if heavy else [])]
         nonlinear = cabling.stiffening[i - 1].any()
         spring = nonlinear or not wound

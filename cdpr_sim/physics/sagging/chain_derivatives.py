@@ -119,7 +119,7 @@ def _carried(simulations: ChainSimulations, at: Rows) -> Float[np.ndarray, "some
     extents = simulations.qpos[at][:, simulations.chains.coordinates]
     carried = np.zeros((len(at), *simulations.slides.shape, simulations.free))
     moved = np.cross(extents[..., None, :], turns[:, None, None]) / simulations.length
-    carried[..., simulations.angular] = moved.swapaxes(-1, -2).reshape(*carried.shape[:3], -1)
+    carried[..., simulations.angular] = moved.swapaxes(-1, -2).reshape(*carried.shape[:3], turns.shape[1])
     return carried
 
 
