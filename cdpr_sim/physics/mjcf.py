@@ -148,41 +148,27 @@ def to_mjcf(
     if kind:
         pulls = np.where(np.isfinite(forces), robot.reeving * forces, pulls)
     calmed = chains.plucked(step, pulls, 1.0) if settling else None
-    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, calmed)
-    if settling:
-        chains.add_far(world, robot.cabling, problem.rest_lengths)
+    driven, masses = bool(kind or factor), not robot.cabling.massless
+    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
+    resisting = step if masses and not whole else None  # this integrator does not know springs
+    uneven, count = chains.uneven(problem), chains.SEGMENTS - 1 if whole else None
+    tendon = tendons.add_tendons(root, problem, resisting, wound=driven, nodes=count, uneven=uneven)
+    nodes = chains.add_chains(world, platform, tendon, problem, resisting, calmed)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     if kind:
         add_drums(world, robot, springs)
-    driven, masses = bool(kind or factor), not robot.cabling.massless
-    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
-    resisting = step if masses and not whole else None  # this integrator does not know springs
-    uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
     if factor is None:
         times = np.full(robot.cables, step if masses else RELAXATION_TIME)
     else:
         times = relaxation_times(robot, springs, factor)
-    count = chains.SEGMENTS - 1 if whole else None
-    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven, nodes=count, uneven=uneven)
-    chains.add_segments(root, robot, problem.rest_lengths, resisting, calmed)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         add(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if kind:
-        add_winches(
-            root,
-            world,
-            robot,
-            problem.rest_lengths,
-            springs,
-            uneven=uneven,
-            kind=kind,
-            forces=forces,
-            speed=speed,
-            damping=times,
-        )
+        limits = {"forces": forces, "speed": speed}
+        add_winches(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
     elif factor:
         add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
@@ -194,10 +180,10 @@ def to_mjcf(
     start = np.concatenate([at, nodes, swivels, drums])
     add(keyframes, "key", name="commanded", qpos=start)
     if whole:
-        chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
+        chains.add_proportions(root, _compiled(root), problem)
     if not settling:
         period = 2 * np.pi / np.sqrt(stiffest(_compiled(root), robot, springs)[0])
-        swings = chains.swinging(robot, problem.rest_lengths, pulls)
+        swings = chains.swinging(problem, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))
     return _document(root)

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics import pulleys, winches
 from cdpr_sim.physics.number_format import add
 
@@ -53,20 +53,18 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 
 def add_tendons(
     root: ET.Element,
-    robot: Robot,
-    rest_lengths: Float[np.ndarray, " cables"],
+    problem: Problem,
     step: float | None,
     *,
-    wound: bool = False,
-    nodes: int | None = None,
+    wound: bool,
+    nodes: int | None,
     uneven: Float[np.ndarray, " cables"],
-) -> None:
-    """The tendons ``cable_1``, ... with ``rest_lengths`` [m].
+) -> ET.Element:
+    """The tendons ``cable_1``, ... with the problem's rest lengths; returns the element of all tendons.
 
     Args:
         root: the model.
-        robot: the robot.
-        rest_lengths: (cables,) [m].
+        problem: the robot with its rest lengths.
         step: the time step [s] of an integrator that does not know springs, for which they are damped; None without.
         wound: whether the actuators of winches replace springs, except those of nonlinear cables, which begin at a
             drum; ``rope_1``, ... are then drawn in their place (``winches.hang``).
@@ -74,7 +72,8 @@ def add_tendons(
             tendons.
         uneven: by how much cables stretch further than under their mean tension [m].
     """
-    tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
+    robot, cabling, rest_lengths = problem.robot, problem.robot.cabling, problem.rest_lengths
+    tendons = ET.SubElement(root, "tendon")
     stiffnesses = springs(cabling, cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
     lengths = rest_lengths + uneven + (winches.behind(robot) if wound else pulleys.entries(cabling))
@@ -110,6 +109,7 @@ def add_tendons(
         add(cable, "site", site=f"anchor_{i}")
         if wound and not (cabling.pulleys[i - 1] or heavy):
             add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=winches.HIDDEN)
+    return tendons
 
 
 def add_twin(tendons: ET.Element, name: str, cable: int, length: float, group: int | None = None) -> None:

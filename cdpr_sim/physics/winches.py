@@ -49,6 +49,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import FLAG, as_numbers
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.number_format import add, add_inertia, text
@@ -219,8 +220,7 @@ def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cabl
 def add_winches(
     root: ET.Element,
     world: ET.Element,
-    robot: Robot,
-    rest_lengths: Float[np.ndarray, " cables"],
+    problem: Problem,
     springs: Float[np.ndarray, " cables"],
     *,
     uneven: Float[np.ndarray, " cables"],
@@ -229,13 +229,12 @@ def add_winches(
     speed: float,
     damping: Float[np.ndarray, " cables"],
 ) -> None:
-    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at the start; and the sensors.
+    """The actuators ``winch_1``, ...; and the sensors.
 
     Args:
         root: the model.
         world: its world body.
-        robot: the robot.
-        rest_lengths: rest lengths at a control, or an activation, of 0 [m].
+        problem: the robot, with its rest lengths at a control, or an activation, of 0.
         springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
         uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
         kind: what the controls are.
@@ -243,6 +242,7 @@ def add_winches(
         speed: largest rope speed of the kind ``speed`` [m/s].
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
+    robot, rest_lengths = problem.robot, problem.rest_lengths
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds, extra, offsets = reach(robot, rest_lengths), shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
