@@ -649,7 +649,8 @@ def test_soft_modes_of_a_chain_are_condensed_out_beside_stiff_ones():
         whole = modes @ np.diag(stiffnesses) @ modes.T
         within.append((whole + whole.T) / 2)
         direct = direct + moved.T @ (stiffnesses[:, None] * moved)
-    found = ChainDerivatives(direct[None], np.stack(across)[None], np.stack(within)[None]).stiffness()[0][0]
+    parts = direct, np.stack(across), np.stack(within), np.zeros_like(across)
+    found = ChainDerivatives(*(part[None] for part in parts)).stiffness()[0][0]
     rounding = 100 * np.finfo(float).eps * np.linalg.norm(direct)
     assert_allclose(found, kept, rtol=0, atol=rounding)
     # Negative control: an inverse multiplied out loses the soft modes.

@@ -124,7 +124,10 @@ class Simulations:
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         if self.robot.cabling.has_memory.any():
-            self._begin(problems, Memory.fresh(self.robot, (len(problems),)) if memory is None else memory, duration)
+            memory = Memory.fresh(self.robot, (len(problems),)) if memory is None else memory
+            rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
+            self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
+            self.polynomials[:] = 0
         self.place(problems.positions, problems.rotations)
         self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))
         if self.wrenches.any():
@@ -139,12 +142,6 @@ class Simulations:
             if not cabling.linear:
                 self.polynomials[:] = tendons.polynomials(cabling, stiffness, rest) / self.unit
         self.armature[:] = self.model.dof_armature
-
-    def _begin(self, problems: Problems, memory: Memory, duration: float) -> None:
-        """Springs of cables with a memory."""
-        rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
-        self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
-        self.polynomials[:] = 0
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Reset the motion of ``rows`` and MuJoCo's warnings; apply the loads again: MuJoCo drops them."""
@@ -201,16 +198,6 @@ class Simulations:
     def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:
         """Unstretched cable lengths l0 [m]."""
         return self.band[:, :, 1] - self.entries if self.step is None else self.step.rest_lengths
-
-    def remembered(self, reading: SimulationReading) -> Memory:
-        """The memory of the cables of each row that has come to rest as ``reading`` states, without the time."""
-        step = self.step or RopeStep.of(
-            self.robot.cabling,
-            self.robot.axial_stiffness,
-            self.rest_lengths,
-            Memory.fresh(self.robot, (len(self.qpos),)),
-        )
-        return step.memory_after(reading.lengths, reading.tensions)
 
     def evaluate(
         self, at: Int[np.ndarray, " some"], qpos: Float[np.ndarray, "some coordinates"]
@@ -337,7 +324,8 @@ class Simulations:
 
         Central differences on the cables that are taut now: during the differencing these may push and slack ones have
         no force, so that a displacement does not cross the kink of a cable that is stretched by less; and no element of
-        a memory begins or ends to slide. The wheels follow the platform.
+        a memory begins or ends to slide. The wheels follow the platform. Eigenvalues within the error of truncation,
+        which is of the square of the largest rotation, are 0.
         """
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
         elements = self._elements.stiffnesses.copy()
@@ -365,17 +353,13 @@ class Simulations:
         stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         self._elements.stiffnesses[:] = elements
-        return softest_of(stiffness, np.isfinite(stiffness).all((1, 2)))
-
-
-def softest_of(
-    stiffness: Float[np.ndarray, "rows free free"], known: Bool[np.ndarray, " rows"]
-) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
-    """Eigenvalues of the symmetric parts, ascending, and the directions of the smallest; nan where not ``known``."""
-    eigenvalues, softest = np.full((2, *stiffness.shape[:2]), np.nan)
-    values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2))[known] / 2)
-    eigenvalues[known], softest[known] = values, vectors[:, :, 0]
-    return eigenvalues, softest
+        known = np.isfinite(stiffness).all((1, 2))
+        values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2))[known] / 2)
+        truncation = (step[known, None] / self.length) ** 2 * np.abs(values).max(1, keepdims=True)
+        values[np.abs(values) <= truncation] = 0
+        eigenvalues, softest = np.full((2, *stiffness.shape[:2]), np.nan)
+        eigenvalues[known], softest[known] = values, vectors[:, :, 0]
+        return eigenvalues, softest
 
 
 def in_base_frame(

@@ -48,9 +48,10 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
-from cdpr_sim.physics.number_format import LEAST_INERTIA, text
+from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia
 
 SEGMENTS = 6
 """Number of segments of a chain."""
@@ -157,12 +158,12 @@ def divisions(
     return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(at_exit), strict=True)))
 
 
-def felt_at_exit(cabling: Cabling, cables: Int[np.ndarray, " chains"]) -> Bool[np.ndarray, " chains"]:
-    """Which chains need the tension at the exit itself in their first segments.
+def felt_at_exit(cabling: Cabling) -> Bool[np.ndarray, " chains"]:
+    """Which cables with mass need the tension at the exit itself in their first segments.
 
     A wheel or the rope behind feels it, and a memory.
     """
-    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.has_memory)[cables]
+    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.has_memory)[cabling.linear_density > 0]
 
 
 def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
@@ -182,12 +183,14 @@ def _quadratures() -> tuple[Float[np.ndarray, "2 points"], Float[np.ndarray, "2 
 
 
 def cut(
-    robot: Robot,
-    cables: Int[np.ndarray, " chains"],
-    rest_lengths: Float[np.ndarray, "*rows cables"],
-    division: ChainDivision,
+    robot: Robot, rest_lengths: Float[np.ndarray, "*rows cables"], division: ChainDivision | None = None
 ) -> tuple[Float[np.ndarray, "*rows chains segments"], Float[np.ndarray, "*rows chains points"]]:
-    """Rest lengths [m] of the segments from exit to anchor, what lies on the wheel included; and the masses [kg]."""
+    """Rest lengths [m] of the segments from exit to anchor, what lies on the wheel included; and the masses [kg].
+
+    Of all cables with mass; the default is the ``straight`` division.
+    """
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    division = straight(felt_at_exit(robot.cabling)) if division is None else division
     wrapped = robot.wrapped_lengths[cables]
     weighing = (rest_lengths[..., cables] - wrapped)[..., None]
     lengths = division.lengths * weighing
@@ -198,15 +201,15 @@ def cut(
 
 def segment_springs(
     cabling: Cabling,
-    cables: Int[np.ndarray, " chains"],
-    axial_stiffness: Float[np.ndarray, "*rows chains"],
+    axial_stiffness: Float[np.ndarray, "*rows cables"],
     lengths: Float[np.ndarray, "*rows chains segments"],
 ) -> tuple[Float[np.ndarray, "*rows chains segments"], Float[np.ndarray, "*rows chains segments 2"]]:
     """``stiffness`` and ``stiffnesspoly`` of segments of these lengths; the first stretches with the rope behind it."""
+    cables = np.flatnonzero(cabling.linear_density)
     parts = cabling.reeving[cables, None]
     ropes = parts * lengths
     ropes[..., 0] += cabling.winch_to_exit[cables]
-    stiffness = axial_stiffness[..., None]
+    stiffness = axial_stiffness[..., cables, None]
     further = tendons.polynomial(stiffness, cabling.stiffening[cables, None], ropes, parts)
     return tendons.spring(stiffness, ropes, parts), further
 
@@ -271,35 +274,46 @@ def profiles(
     cables = np.flatnonzero(robot.cabling.linear_density)
     starts, ends = pulleys.departures(robot, anchors)[..., cables, :], anchors[..., cables, :]
     free = (rest_lengths - robot.wrapped_lengths)[..., cables]
-    return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling, cables)).lengths)[..., :0:-1, :]
+    return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling)).lengths)[..., :0:-1, :]
 
 
 def add_chains(
+    world: ET.Element,
     platform: ET.Element,
-    robot: Robot,
-    pose: RigidTransform,
-    rest_lengths: Float[np.ndarray, " cables"],
+    tendon: ET.Element,
+    problem: Problem,
+    step: float | None,
     damping: Float[np.ndarray, " cables"] | None,
 ) -> list[float]:
-    """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
+    """The chain of each cable with mass; returns the coordinates of all masses.
+
+    Its masses are ``node_1_4``, ..., ``node_1_1``, from the anchor; its tendons ``cable_1_1``, ..., from the exit,
+    ``chord_1``, and the brakes with their far ends ``far_1_x``, ....
 
     Args:
-        platform: body of which they are branches.
-        robot: the robot.
-        pose: pose at which the platform is written.
-        rest_lengths: (cables,) [m].
-        damping: ``plucked`` of segments of unit length, (cables,) [N s]; None for none.
+        world: body of the far ends.
+        platform: body of which the masses are branches.
+        tendon: element of the tendons.
+        problem: the robot with the pose and the rest lengths of the model.
+        step: the time step [s] of a model that is only stepped, for which springs are damped. That also damps slack
+            segments, which slows them down and does not change the equilibrium. None where the tendon ``cable_1`` is
+            the spring of the whole cable (``add_proportions``).
+        damping: ``plucked`` of segments of unit length, (cables,) [N s]; None for none, and no brakes.
 
     Raises:
         InvalidInput: a cable with too small a mass.
     """
-    cabling = robot.cabling
-    cables = np.flatnonzero(cabling.linear_density)
-    coordinates = extents(robot, pose, rest_lengths)
-    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))
-    rows = zip(cables, coordinates, *divided, strict=True)
-    for cable, extent, lengths, masses in rows:
-        i, length = cable + 1, rest_lengths[cable]
+    robot, cabling = problem.robot, problem.robot.cabling
+    cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(cabling)
+    coordinates, (divided, points) = (
+        extents(robot, problem.pose, problem.rest_lengths),
+        cut(robot, problem.rest_lengths),
+    )
+    springs = segment_springs(cabling, cabling.axial_stiffness, divided)
+    rows = zip(cables, coordinates, divided, points, *springs, strict=True)
+    for cable, extent, lengths, masses, stiffnesses, further in rows:
+        i, length = int(cable) + 1, problem.rest_lengths[cable]
+        over, law = bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
         if masses.min() < LEAST_MASS:
             raise InvalidInput(
                 f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
@@ -309,79 +323,36 @@ def add_chains(
         parent, place = platform, cabling.anchors[cable]
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
-            for axis, name in enumerate("xyz"):
-                slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
-                slide.set("axis", text(np.eye(3)[axis]))
-                slide.set("ref", text(along[axis]))
-                if damping is not None:
-                    slide.set("damping", text(damping[cable] / lengths[k]))
-            ET.SubElement(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
+            drag = None if damping is None else damping[cable] / lengths[k]
+            for name, axis, at in zip("xyz", np.eye(3), along, strict=True):
+                add(parent, "joint", name=f"{name}_{i}_{k}", type="slide", axis=axis, ref=at, damping=drag)
+            add(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
             place = np.zeros(3)
-    return list(coordinates.ravel())
-
-
-def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The far ends ``far_1_x``, ... of the brakes."""
-    for cable in np.flatnonzero(cabling.linear_density):
-        for axis, name in enumerate("xyz"):
-            far = ET.SubElement(world, "site", {"name": f"far_{cable + 1}_{name}", "class": "guide"})
-            far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
-
-
-def add_segments(
-    root: ET.Element,
-    robot: Robot,
-    rest_lengths: Float[np.ndarray, " cables"],
-    step: float | None,
-    damping: Float[np.ndarray, " cables"] | None,
-) -> None:
-    """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
-
-    Args:
-        root: the model.
-        robot: the robot.
-        rest_lengths: (cables,) [m].
-        step: the time step [s] of a model that is only stepped, for which springs are damped. That also damps slack
-            segments, which slows them down and does not change the equilibrium. None where the tendon ``cable_1`` is
-            the spring of the whole cable (``add_proportions``).
-        damping: of brakes, as for ``add_chains``.
-    """
-    cabling, parent = robot.cabling, root.find("tendon")
-    cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
-    assert parent is not None
-    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
-    springs = segment_springs(cabling, cables, cabling.axial_stiffness[cables], divided)
-    for cable, lengths, stiffnesses, further in zip(cables, divided, *springs, strict=True):
-        i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
         sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
         uppers = lengths.copy()
         uppers[0] += entries[cable]
-        for k in range(1, SEGMENTS + 1):
-            segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
-            if step is not None:
-                segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
-            segment.set("springlength", text([0, uppers[k - 1]]))
-            if step is not None:
-                segment.set("damping", text(step * stiffnesses[k - 1]))
+        for k, (stiffness, upper) in enumerate(zip(stiffnesses, uppers, strict=True), start=1):
+            segment = add(
+                tendon,
+                "spatial",
+                {"name": f"cable_{i}_{k}", "class": "cable"},
+                stiffness=None if step is None else [stiffness, *(further[k - 1] if law else [])],
+                springlength=[0, upper],
+                damping=None if step is None else step * stiffness,
+            )
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
         if damping is not None:
-            free = lengths[0] - robot.wrapped_lengths[cable]
-            for axis in "xyz":
-                brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
-                brake.set("damping", text(damping[cable] / free))
-                _run(brake, i, [f"far_{i}_{axis}", sites[1]])
-        _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
+            drag = damping[cable] / (lengths[0] - robot.wrapped_lengths[cable])
+            for name, axis in zip("xyz", np.eye(3), strict=True):
+                end = cabling.exits[cable] + FAR * length * axis
+                add(world, "site", {"name": f"far_{i}_{name}", "class": "guide"}, pos=end)
+                brake = add(tendon, "spatial", name=f"brake_{i}_{name}", group=4, damping=drag)
+                _run(brake, i, [f"far_{i}_{name}", sites[1]])
+        _run(add(tendon, "spatial", name=f"chord_{i}", group=4), i, [sites[0], sites[-1]], over)
+    return list(coordinates.ravel())
 
 
-def add_nodes(tendon: ET.Element, i: int) -> None:
-    """Sites in the tendon ``cable_1`` of a whole cable with mass, between exit and anchor."""
-    for k in range(1, SEGMENTS):
-        ET.SubElement(tendon, "site", site=f"node_{i}_{k}")
-
-
-def add_proportions(
-    root: ET.Element, model: mujoco.MjModel, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]
-) -> None:
+def add_proportions(root: ET.Element, model: mujoco.MjModel, problem: Problem) -> None:
     """Constraints that keep the segments of a chain proportional, whatever length its winch lets out.
 
     The spring or actuator of the tendon ``cable_1`` pulls all segments alike, and the constraints add what the weights
@@ -391,12 +362,11 @@ def add_proportions(
     Args:
         root: the model, with segments.
         model: the same, compiled: constraints in MuJoCo are relative to its lengths.
-        robot: the robot.
-        rest_lengths: (cables,) [m].
+        problem: the robot with the rest lengths of the model.
     """
-    cabling = robot.cabling
+    robot, cabling = problem.robot, problem.robot.cabling
     cables = np.flatnonzero(cabling.linear_density)
-    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
+    divided, _ = cut(robot, problem.rest_lengths)
     behind = pulleys.entries(cabling) + robot.wrapped_lengths
     parent = ET.SubElement(root, "equality")
     for cable, lengths in zip(cables, divided, strict=True):
@@ -410,31 +380,29 @@ def add_proportions(
         begins = np.round(constant + ratios * written[longest] - written, 12)
         for k, name in enumerate(names):
             if k != longest:
-                pair = ET.SubElement(parent, "tendon", tendon1=name, tendon2=names[longest])
-                pair.set("polycoef", text([begins[k], ratios[k], 0, 0, 0]))
-                pair.set("solimp", text(PROPORTIONAL))
+                pair, line = {"tendon1": name, "tendon2": names[longest]}, [begins[k], ratios[k], 0, 0, 0]
+                add(parent, "tendon", pair, polycoef=line, solimp=PROPORTIONAL)
 
 
-def uneven(
-    robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
-) -> Float[np.ndarray, " cables"]:
-    """How much further cables with mass stretch than under their mean tension, at ``pose``, (cables,) [m].
+def uneven(problem: Problem) -> Float[np.ndarray, " cables"]:
+    """How much further cables with mass stretch than under their mean tension, at the pose, (cables,) [m].
 
     What lies on the wheel and behind the exit has the tension at the exit. That is above the mean by the weight of a
     cable half as long as the exit is above the anchor; by more in cables that sag.
     """
-    rise = robot.exits[:, 2] - pose.apply(robot.anchors)[:, 2]
+    robot = problem.robot
+    rise = robot.exits[:, 2] - problem.pose.apply(robot.anchors)[:, 2]
     more = robot.cable_weights * rise / 2 / (robot.reeving * robot.axial_stiffness)
     return (robot.wrapped_lengths + robot.cabling.behind) * more
 
 
-def swinging(robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Float[np.ndarray, " cables"]) -> float:
+def swinging(problem: Problem, pulls: Float[np.ndarray, " cables"]) -> float:
     """An upper bound of the angular frequency of chains across their cables under these ``pulls`` [N], [rad/s].
 
     Of the largest row sum of stiffness over masses; 0 without chains.
     """
-    cables = np.flatnonzero(robot.cabling.linear_density)
-    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(robot.cabling, cables)))
+    robot, cables = problem.robot, np.flatnonzero(problem.robot.cabling.linear_density)
+    lengths, masses = cut(robot, problem.rest_lengths)
     lengths[:, 0] -= robot.wrapped_lengths[cables]
     across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
     return float(np.sqrt(across.max(initial=0.0)))
@@ -442,10 +410,10 @@ def swinging(robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Fl
 
 def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False) -> None:
     """Let a tendon of cable ``i`` run between two sites, over the wheel or straight."""
-    ET.SubElement(tendon, "site", site=sites[0])
+    add(tendon, "site", site=sites[0])
     if over_wheel:
         pulleys.add_way(tendon, i)
-    ET.SubElement(tendon, "site", site=sites[1])
+    add(tendon, "site", site=sites[1])
 
 
 def plucked(
@@ -625,8 +593,8 @@ def hang(
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:
-    body = ET.SubElement(parent, "body", name=name, pos=text(position))
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([LEAST_INERTIA] * 3))
+    body = add(parent, "body", name=name, pos=position)
+    add_inertia(body, mass, LEAST_INERTIA)
     return body
 
 

@@ -10,6 +10,8 @@ part, where only the equilibrium beside the platform is possible, is Newton's me
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -19,8 +21,11 @@ from mujoco.batch import SimulationError
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
-from cdpr_sim.physics.batch import MOST_IDLE, Simulations
+from cdpr_sim.physics.batch import MOST_IDLE, SimulationReading, Simulations
 from cdpr_sim.physics.newton_finish import finish
+
+if TYPE_CHECKING:
+    from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation
 
 RESIDUAL = 1e-9
 """Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
@@ -132,13 +137,8 @@ class Relaxation:
         if frames is not None:
             frames.append((0.0, self.qpos[0].copy()))
 
-    @property
-    def settled(self) -> Bool[np.ndarray, " rows"]:
-        """Which rows have reached equilibrium."""
-        return self.status == Status.CONVERGED
-
     def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
-        """Give ``rows`` a small velocity along the direction in which they are unstable, as any disturbance would."""
+        """Move ``rows`` on with a small velocity along an unstable direction, as any disturbance would."""
         simulations = self.simulations
         speed = 1e-3 * self.swing * self.reach
         velocity = directions * (speed * np.where(directions.sum(1) < 0, -1, 1))[:, None]
@@ -147,6 +147,7 @@ class Relaxation:
             velocity[:, 3:] = np.einsum("nji,nj->ni", simulations.rotations, velocity[:, 3:])
         simulations.qvel[rows, : simulations.free] = velocity[rows]
         self._set_off(rows, self.qpos)
+        self.run()
 
     def again(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Start ``rows`` again from their initial pose, overdamped."""
@@ -276,6 +277,25 @@ class Relaxation:
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
         self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
+
+
+def settled(
+    relaxation: Relaxation | ChainRelaxation, reading: SimulationReading, read: Callable[[], SimulationReading]
+) -> dict[str, np.ndarray]:
+    """Columns of an ``EquilibriumBatch`` after a ``relaxation``, with a nudge of platforms that are at saddles."""
+    robot = relaxation.simulations.robot
+    for _ in range(NUDGES):
+        saddles = (relaxation.status == Status.CONVERGED) & reading.unstable
+        if not saddles.any():
+            break
+        relaxation.nudge(saddles, reading.softest)
+        reading = read()
+    beyond = robot.cabling.beyond_law(reading.lengths, relaxation.simulations.rest_lengths).any(1)
+    relaxation.status[beyond] = Status.OVERSTRAINED
+    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
+    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
+    columns = {name: getattr(reading, name) for name in ("positions", "rotations", "lengths", "tensions", "residuals")}
+    return columns | {"stiffness": reading.eigenvalues, "iterations": relaxation.steps, "status": relaxation.status}
 
 
 def parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:

@@ -28,7 +28,7 @@ from cdpr_sim.physics.damping import (
     rounded_down,
     stiffest,
 )
-from cdpr_sim.physics.number_format import magnitude, text
+from cdpr_sim.physics.number_format import add, magnitude, text
 from cdpr_sim.physics.winches import (
     LEAST_SPARE,
     RELAXATION_TIME,
@@ -134,57 +134,41 @@ def to_mjcf(
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     step = min(TIMESTEP, rounded_down(steady_step(robot, forces))) if kind and np.isfinite(forces).all() else TIMESTEP
-    option = ET.SubElement(root, "option", timestep=text(step))
-    option.set("integrator", "discrete" if robot.cabling.massless and settling else "implicitfast")
-    option.set("gravity", text([0, 0, -robot.gravity]))
-    if settling and not kind:
-        option.set("viscosity", text(air_viscosity(problem)))
+    integrator = "discrete" if robot.cabling.massless and settling else "implicitfast"
+    viscosity = air_viscosity(problem) if settling and not kind else None
+    gravity = [0, 0, -robot.gravity]
+    option = add(root, "option", timestep=step, integrator=integrator, gravity=gravity, viscosity=viscosity)
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     tendons.add_exits(world, robot.cabling)
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
-    platform = _platform(robot, problem.pose, brake if kind else None, contact)
-    world.append(platform)
+    platform = _add_platform(world, robot, problem.pose, brake if kind else None, contact)
     pulls = np.full(robot.cables, robot.weight)  # against which chains are damped, or resolved
     if kind:
         pulls = np.where(np.isfinite(forces), robot.reeving * forces, pulls)
     calmed = chains.plucked(step, pulls, 1.0) if settling else None
-    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, calmed)
-    if settling:
-        chains.add_far(world, robot.cabling, problem.rest_lengths)
+    driven, masses = bool(kind or factor), not robot.cabling.massless
+    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
+    resisting = step if masses and not whole else None  # this integrator does not know springs
+    uneven, count = chains.uneven(problem), chains.SEGMENTS - 1 if whole else None
+    tendon = tendons.add_tendons(root, problem, resisting, wound=driven, nodes=count, uneven=uneven)
+    nodes = chains.add_chains(world, platform, tendon, problem, resisting, calmed)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     if kind:
         add_drums(world, robot, springs)
-    driven, masses = bool(kind or factor), not robot.cabling.massless
-    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
-    resisting = step if masses and not whole else None  # this integrator does not know springs
-    uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
     if factor is None:
         times = np.full(robot.cables, step if masses else RELAXATION_TIME)
     else:
         times = relaxation_times(robot, springs, factor)
-    nodes_of = chains.add_nodes if whole else None
-    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven, whole=nodes_of, uneven=uneven)
-    chains.add_segments(root, robot, problem.rest_lengths, resisting, calmed)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
-        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
+        add(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if kind:
-        add_winches(
-            root,
-            world,
-            robot,
-            problem.rest_lengths,
-            springs,
-            uneven=uneven,
-            kind=kind,
-            forces=forces,
-            speed=speed,
-            damping=times,
-        )
+        limits = {"forces": forces, "speed": speed}
+        add_winches(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
     elif factor:
         add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
@@ -194,12 +178,12 @@ def to_mjcf(
         at = since_written(at, at[3:])
     drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
-    ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
+    add(keyframes, "key", name="commanded", qpos=start)
     if whole:
-        chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
+        chains.add_proportions(root, _compiled(root), problem)
     if not settling:
         period = 2 * np.pi / np.sqrt(stiffest(_compiled(root), robot, springs)[0])
-        swings = chains.swinging(robot, problem.rest_lengths, pulls)
+        swings = chains.swinging(problem, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))
     return _document(root)
@@ -232,7 +216,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml", *, contact
     center, diagonal = (lower + upper) / 2, magnitude(upper - lower) or 1.0
     root = ET.Element("mujoco", model=f"{robot.name} scene")
     ET.SubElement(root, "include", file=robot_file)
-    ET.SubElement(root, "statistic", center=text(center), extent=text(0.8 * diagonal))
+    add(root, "statistic", center=center, extent=0.8 * diagonal)
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "headlight", diffuse="0.45 0.45 0.45", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1")
     ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1")
@@ -241,10 +225,10 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml", *, contact
     root.append(_assets(diagonal))
     world = ET.SubElement(root, "worldbody")
     light = center + diagonal * np.array([-0.4, -0.8, 2.0])
-    ET.SubElement(world, "light", pos=text(light), dir=text(center - light), diffuse="0.6 0.6 0.6", directional="true")
+    add(world, "light", pos=light, dir=center - light, diffuse="0.6 0.6 0.6", directional="true")
     floor = [*center[:2], lower[2] - 0.02 * diagonal]
-    plane = {"name": "floor", "class": "drawn", "type": "plane", "pos": text(floor), "size": "0 0 0.05"}
-    ET.SubElement(world, "geom", plane | {"material": "floor"} | (COLLIDING if contact else {}))
+    plane = {"name": "floor", "class": "drawn", "type": "plane", "pos": floor, "size": "0 0 0.05"}
+    add(world, "geom", plane, material="floor", **(COLLIDING if contact else {}))
     for start, end in _edges(lower, upper):
         _rod(world, start, end, 0.006 * diagonal, FRAME_COLOR)
     for start in np.unique(robot.exits, axis=0):
@@ -335,61 +319,49 @@ def _defaults(robot: Robot) -> ET.Element:
     scale = magnitude(np.ptp(np.vstack([robot.exits, robot.frame]), axis=0)) or 1.0
     defaults = ET.Element("default")
     drawn = ET.SubElement(defaults, "default", {"class": "drawn"})
-    ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
+    add(drawn, "geom", contype=0, conaffinity=0, group=2, mass=0)
     for name, size, color in (("exit", 0.006, EXIT_COLOR), ("anchor", 0.004, ANCHOR_COLOR)):
-        site = ET.SubElement(defaults, "default", {"class": name})
-        ET.SubElement(site, "site", size=text(round(size * scale, 6)), rgba=text(color), group="2")
-    cable = ET.SubElement(defaults, "default", {"class": "cable"})
-    ET.SubElement(cable, "tendon", width=text(round(0.0016 * scale, 6)), rgba=text(CABLE_COLOR))
+        add(add(defaults, "default", {"class": name}), "site", size=round(size * scale, 6), rgba=color, group=2)
+    add(add(defaults, "default", {"class": "cable"}), "tendon", width=round(0.0016 * scale, 6), rgba=CABLE_COLOR)
     if robot.cabling.pulleys.any() or not robot.cabling.massless:
         pulleys.add_defaults(defaults)
     return defaults
 
 
-def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] | None, contact: bool) -> ET.Element:
+def _add_platform(
+    world: ET.Element, robot: Robot, pose: RigidTransform, damping: tuple[float, float] | None, contact: bool
+) -> ET.Element:
     """The body, free to move in the air, or on joints with this damping [N s/m, N m s]."""
-    body = ET.Element("body", name="platform", pos=text(pose.translation))
-    along, turning = damping or (0.0, 0.0)
+    body = add(world, "body", name="platform", pos=pose.translation)
+    along, turning = ((number or None) for number in damping or (None, None))
     if robot.mobility == "planar":
         # The body stays level, so that x and z are exactly the base frame's; ``ref`` sets their zero.
         x, z, _ = coordinates(robot, pose)
-        _slide(body, "x", np.array([1.0, 0, 0]), x, along)
-        _slide(body, "z", np.array([0, 0, 1.0]), z, along)
-        _damp(ET.SubElement(body, "joint", name="beta", type="hinge", axis="0 1 0"), turning)
+        for name, axis, at in (("x", "1 0 0", x), ("z", "0 0 1", z)):
+            add(body, "joint", name=name, type="slide", axis=axis, ref=at, damping=along)
+        add(body, "joint", name="beta", type="hinge", axis="0 1 0", damping=turning)
     else:
         body.set("quat", text(pose.rotation.as_quat(scalar_first=True)))
         if damping:
             # The slides' axes are the base frame's, expressed in the body's frame.
             for name, axis, at in zip("xyz", pose.rotation.as_matrix(), pose.translation, strict=True):
-                _slide(body, name, axis, at, along)
-            _damp(ET.SubElement(body, "joint", name="rotation", type="ball"), turning)
+                add(body, "joint", name=name, type="slide", axis=axis, ref=at, damping=along)
+            add(body, "joint", name="rotation", type="ball", damping=turning)
         else:
             ET.SubElement(body, "freejoint", name="platform")
-    inertial = ET.SubElement(body, "inertial", pos=text(robot.center_of_mass), mass=text(robot.mass))
     inertia = robot.inertia
     if np.array_equal(inertia, np.diag(np.diag(inertia))):
-        inertial.set("diaginertia", text(np.diag(inertia)))
+        moments = {"diaginertia": np.diag(inertia)}
     else:
-        inertial.set("fullinertia", text(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
-    shape = ET.SubElement(body, "geom", {"name": "platform", "class": "drawn", "type": "box"})
-    shape.set("size", text(robot.platform_size / 2))
-    shape.set("rgba", text(PLATFORM_COLOR))
-    if contact:
-        shape.attrib.update(COLLIDING)
+        moments = {"fullinertia": inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}
+    add(body, "inertial", pos=robot.center_of_mass, mass=robot.mass, **moments)
+    box = {"name": "platform", "class": "drawn", "type": "box"}
+    colliding = COLLIDING if contact else {}
+    add(body, "geom", box, size=robot.platform_size / 2, rgba=PLATFORM_COLOR, **colliding)
     tendons.add_anchors(body, robot.cabling)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body
-
-
-def _slide(body: ET.Element, name: str, axis: Float[np.ndarray, "3"], at: float, damping: float) -> None:
-    joint = ET.SubElement(body, "joint", name=name, type="slide", axis=text(axis), ref=text(at))
-    _damp(joint, damping)
-
-
-def _damp(joint: ET.Element, damping: float) -> None:
-    if damping:
-        joint.set("damping", text(damping))
 
 
 def _assets(diagonal: float) -> ET.Element:
@@ -420,9 +392,8 @@ def _nearest_on_frame(point: np.ndarray, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, color: Sequence[float]) -> None:
-    rod = ET.SubElement(world, "geom", {"class": "drawn", "type": "capsule", "fromto": text([*start, *end])})
-    rod.set("size", text(round(radius, 6)))
-    rod.set("rgba", text(color))
+    capsule = {"class": "drawn", "type": "capsule", "fromto": [*start, *end]}
+    add(world, "geom", capsule, size=round(radius, 6), rgba=color)
 
 
 def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndarray, distance: float) -> None:
@@ -430,8 +401,8 @@ def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndar
     backwards = direction / magnitude(direction)
     right = np.cross([0.0, 0.0, 1.0], backwards)
     right /= magnitude(right)
-    axes = text(np.round([*right, *np.cross(backwards, right)], 6))
-    ET.SubElement(world, "camera", name=name, pos=text(np.round(target + distance * backwards, 6)), xyaxes=axes)
+    axes = np.round([*right, *np.cross(backwards, right)], 6)
+    add(world, "camera", name=name, pos=np.round(target + distance * backwards, 6), xyaxes=axes)
 
 
 def _compiled(root: ET.Element) -> mujoco.MjModel:

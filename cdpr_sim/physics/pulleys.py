@@ -31,7 +31,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
+from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia, magnitude
 
 ENTRY = 10.0
 """Length of the straight entry, in radii."""
@@ -64,9 +64,9 @@ def entries(cabling: Cabling) -> Float[np.ndarray, " cables"]:
 
 def add_defaults(defaults: ET.Element) -> None:
     """Classes of auxiliary elements: they are in a group that viewers hide."""
-    hidden = ET.SubElement(defaults, "default", {"class": "guide"})
-    ET.SubElement(hidden, "site", group="4", size="0.001")
-    ET.SubElement(hidden, "geom", type="sphere", group="4", contype="0", conaffinity="0", mass="0")
+    hidden = add(defaults, "default", {"class": "guide"})
+    add(hidden, "site", group=4, size=0.001)
+    add(hidden, "geom", type="sphere", group=4, contype=0, conaffinity=0, mass=0)
 
 
 def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tuple[float, ...]) -> None:
@@ -80,27 +80,20 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
     for cable, outwards, angle in zip(np.flatnonzero(cabling.pulleys), directions, angles, strict=True):
         i, radius = cable + 1, cabling.pulley_radius[cable]
         exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
-        entry = ET.SubElement(world, "site", {"name": f"entry_{i}", "class": "guide"})
-        entry.set("pos", text(exit_ - ENTRY * radius * axis))
-        body = ET.SubElement(world, "body", name=f"pulley_{i}", pos=text(exit_))
-        body.set("xyaxes", text([*outwards, *np.cross(axis, outwards)]))
+        add(world, "site", {"name": f"entry_{i}", "class": "guide"}, pos=exit_ - ENTRY * radius * axis)
+        body = add(world, "body", name=f"pulley_{i}", pos=exit_, xyaxes=[*outwards, *np.cross(axis, outwards)])
         if robot.mobility == "spatial":
             armature = load * radius / SWIVELLING**2
-            swivel = ET.SubElement(body, "joint", name=f"swivel_{i}", type="hinge", axis="0 0 1")
-            swivel.set("ref", text(angle))
-            swivel.set("armature", text(armature))
-            swivel.set("damping", text(2 * SWIVEL_DAMPING * SWIVELLING * armature))
+            damping = 2 * SWIVEL_DAMPING * SWIVELLING * armature
+            swivel = {"name": f"swivel_{i}", "type": "hinge", "axis": "0 0 1"}
+            add(body, "joint", swivel, ref=angle, armature=armature, damping=damping)
             mass = LIGHT * robot.mass
-            inertia = max(mass * radius * radius, LEAST_INERTIA)
-            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([inertia] * 3))
-        ET.SubElement(body, "geom", {"name": f"groove_{i}", "class": "guide", "size": text(radius)}).set(
-            "pos", text([radius, 0, 0])
-        )
-        ET.SubElement(body, "site", {"name": f"side_{i}", "class": "guide", "pos": text([radius, 0, SIDE * radius])})
-        wheel = ET.SubElement(body, "geom", {"name": f"wheel_{i}", "class": "drawn", "type": "cylinder"})
-        wheel.set("size", text(radius))
-        wheel.set("fromto", text([radius, -WIDTH * radius, 0, radius, WIDTH * radius, 0]))
-        wheel.set("rgba", text(color))
+            add_inertia(body, mass, max(mass * radius * radius, LEAST_INERTIA))
+        add(body, "geom", {"name": f"groove_{i}", "class": "guide"}, size=radius, pos=[radius, 0, 0])
+        add(body, "site", {"name": f"side_{i}", "class": "guide"}, pos=[radius, 0, SIDE * radius])
+        wheel = {"name": f"wheel_{i}", "class": "drawn", "type": "cylinder"}
+        sides = [radius, -WIDTH * radius, 0, radius, WIDTH * radius, 0]
+        add(body, "geom", wheel, size=radius, fromto=sides, rgba=color)
 
 
 def facing(
@@ -145,7 +138,7 @@ def departures(robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"]) -> Fl
 
 def add_way(tendon: ET.Element, i: int) -> None:
     """Elements between entry and anchor in the tendon of cable ``i``, over the wheel."""
-    ET.SubElement(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
+    add(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ This is the law's second coding: the mathematics has its own, and neither reads 
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -325,47 +326,34 @@ class RopeStep:
         beyond = np.maximum(lengths - self.taut, 0)
         if not (self.compliance.any() or self.beside.any()):
             return beyond
-        if self.curved.any():
-            return self._searched(beyond)
-        # e + compliance pull(e) = beyond, increasing and piecewise linear in e: the piece between two kinks is found.
-        compliance = self.compliance - self.beside / self._law[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            kinks = np.concatenate(
-                [
-                    self.free / (1 - self.widths),
-                    self.free / (1 + self.widths),
-                    self.free + self.yields,
-                    self.free - self.yields,
-                    self.yields / self.widths,
-                ],
-                axis=-1,
-            )
-        kinks = np.sort(np.where((kinks > 0) & np.isfinite(kinks), kinks, 0.0), axis=-1)
-        last = (kinks.max(-1, initial=0.0) + beyond) * self.ropes / (self.ropes - self.beside)
-        ends = np.stack([np.zeros_like(beyond), *np.moveaxis(kinks, -1, 0), last])
-        there = np.array([end + compliance * self.pulls(end) for end in ends])
-        piece = np.clip((there <= beyond).sum(0) - 1, 0, len(ends) - 2)[None]
-        (low, high), (start, end) = (
-            [np.take_along_axis(values, piece + i, axis=0)[0] for i in (0, 1)] for values in (there, ends)
-        )
-        rising = high > low
-        return start + np.where(rising, (beyond - low) / np.where(rising, high - low, 1.0), 0.0) * (end - start)
+        return self._where(self._widened, beyond, beyond)
 
-    def _searched(self, beyond: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
-        """The same where laws are not linear between kinks, by Newton's method between bounds that close."""
-        low, high, e = np.zeros_like(beyond), np.full_like(beyond, np.inf), beyond.copy()
+    def stretches_under(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+        """e of cables that pull on the platform with ``pulls``, (rows, cables) [N]."""
+        return self._where(lambda e, springs: (springs.forces, self.slopes(e, springs)), pulls, pulls / self.own)
+
+    def _where(
+        self,
+        function: Callable[[np.ndarray, Springs], tuple[np.ndarray, np.ndarray]],
+        wanted: Float[np.ndarray, "rows cables"],
+        guess: Float[np.ndarray, "rows cables"],
+    ) -> Float[np.ndarray, "rows cables"]:
+        """Stretches at which an increasing ``function`` is as ``wanted``: Newton's method between bounds that close.
+
+        The function returns its values and its slopes.
+        """
+        low, high, e = np.zeros_like(guess), np.full_like(guess, np.inf), guess
         for _ in range(MOST_STEPS):
-            springs = self.springs(e)
-            missed, widening = self._widened(e, springs)
-            missed = missed - beyond
+            found, slope = function(e, self.springs(e))
+            missed = found - wanted
             low, high = np.where(missed <= 0, e, low), np.where(missed > 0, e, high)
-            step = missed / widening
-            following = e - step
+            following = e - missed / slope
             outside = (following < low) | (following > high)
-            following = np.where(outside, np.where(np.isinf(high), 2 * e + beyond, (low + high) / 2), following)
-            if (np.abs(following - e) <= ENOUGH * e).all():
-                break
+            following = np.where(outside, np.where(np.isinf(high), 2 * e + guess, (low + high) / 2), following)
+            close = (np.abs(following - e) <= ENOUGH * e).all()
             e = following
+            if close:
+                break
         return e
 
     def _widened(

@@ -21,12 +21,6 @@ from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.rope_memory import RopeStep, largest_ratio
 
-ROUNDING = 1e-15
-"""Rounding of a stretch, as a fraction of the rope."""
-
-MOST_ROUNDS = 100
-"""Largest number of rounds of the search for a stretch; a piecewise linear law takes less than ten."""
-
 
 @dataclass(frozen=True)
 class RopeState:
@@ -92,7 +86,7 @@ class RopeMotion:
         unmoved, wanted = step.pulls(step.stretches(lengths[None]))[0], parts * tensions
         pulls = np.clip(unmoved, wanted / self._rho, wanted * self._rho)
         sticks = (pulls == unmoved) & (self._rho > 1)
-        stretches = _stretches_under(step, pulls[None])
+        stretches = step.stretches_under(pulls[None])
         crept = (step.lasting + step.growing * pulls[:, None]).sum(-1)
         beyond = np.where(sticks, beyond, lengths / (1 + stretches / step.ropes + crept)[0])
         moved = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
@@ -100,21 +94,3 @@ class RopeMotion:
         behind = lengths / beyond + (tensions - pulls / parts) / stiffness  # it has the tension of the winch
         rest_lengths = beyond - self._cabling.behind * (behind - 1) / behind
         return RopeState(pulls, rest_lengths, sticks, replace(memory, beyond=beyond[None]))
-
-
-def _stretches_under(step: RopeStep, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
-    """Stretches e of cables that pull with ``pulls`` [N], by regula falsi (Illinois)."""
-    sliding = (step.elements * step.widths).sum(-1)
-    low, high = pulls / (step.own + sliding), pulls / (step.own - sliding)
-    below, above = step.pulls(low) - pulls, step.pulls(high) - pulls
-    found, side = low, np.zeros_like(low)
-    for _ in range(MOST_ROUNDS):
-        gap = above - below
-        new = low - np.divide(below, gap, out=np.zeros_like(gap), where=gap > 0) * (high - low)
-        if np.abs(new - found).max() <= ROUNDING * step.ropes.min():
-            break
-        off, before = step.pulls(new) - pulls, side
-        side, found = np.sign(off), new
-        high, above = np.where(side > 0, new, high), np.where(side > 0, off, np.where(before < 0, above / 2, above))
-        low, below = np.where(side <= 0, new, low), np.where(side <= 0, off, np.where(before > 0, below / 2, below))
-    return found

@@ -29,9 +29,9 @@ from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.physics.batch import SimulationReading, Simulations, simulations_of
+from cdpr_sim.physics.batch import Simulations, simulations_of
 from cdpr_sim.physics.chains import refuse_short, too_short
-from cdpr_sim.physics.dynamic_relaxation import NUDGES, Relaxation
+from cdpr_sim.physics.dynamic_relaxation import Relaxation, settled
 from cdpr_sim.physics.sagging import settle_chains as heavy
 
 Frames = list[tuple[float, np.ndarray]]
@@ -109,8 +109,8 @@ def settle_trajectory(
         refuse_short(problem.robot, problem.rest_lengths)
         motion: heavy.Frames = []
         one = Problems.stack([problem])
-        settled = heavy.released(one, settled_without_mass(one), model=model, frames=motion)
-        equilibrium = _batch_of(one, settled, settled.steps, settled.status)[0]
+        columns, _ = heavy.released(one, settled_without_mass(one), model=model, frames=motion)
+        equilibrium = EquilibriumBatch(problems=one, **columns, source="mujoco")[0]
         times, poses, lengths, tensions = zip(*motion, strict=True)
         commands = Problems.stack([problem] * len(times))
         at = RigidTransform.concatenate(list(poses))
@@ -165,28 +165,20 @@ def settle_many(
     can = refusals == Status.PENDING
     if can.all():
         return _settled(problems, threads=threads, progress=progress)
-    columns, status = unread(problems.robot, len(problems)), refusals
+    columns = unread(problems.robot, refusals)
     if can.any():
         found = _settled(problems.take(np.flatnonzero(can)), threads=threads, progress=progress)
-        status[can] = found.status
         for name, column in columns.items():
             column[can] = getattr(found, name)
-    return EquilibriumBatch(problems=problems, **columns, status=status, source="mujoco")
+    return EquilibriumBatch(problems=problems, **columns, source="mujoco")
 
 
-def unread(robot: Robot, rows: int) -> dict[str, np.ndarray]:
-    """Columns of an ``EquilibriumBatch`` for what is read of so many rows, before any has been read: nan."""
+def unread(robot: Robot, status: Int[np.ndarray, " rows"]) -> dict[str, np.ndarray]:
+    """Columns of an ``EquilibriumBatch`` with this status, before anything has been read: nan."""
     sizes = dict(positions=(3,), rotations=(3, 3), lengths=(robot.cables,), tensions=(robot.cables,), residuals=())
     sizes["stiffness"] = (len(robot.free),)
-    columns = {name: np.full((rows, *size), np.nan) for name, size in sizes.items()}
-    return columns | {"iterations": np.zeros(rows, dtype=int)}
-
-
-def as_read(reading: SimulationReading, steps: Int[np.ndarray, " rows"]) -> dict[str, np.ndarray]:
-    """The same columns with what was read after these time steps."""
-    names = ("positions", "rotations", "lengths", "tensions", "residuals")
-    columns = {name: getattr(reading, name) for name in names}
-    return columns | {"stiffness": reading.eigenvalues, "iterations": steps}
+    columns = {name: np.full((len(status), *size), np.nan) for name, size in sizes.items()}
+    return columns | {"iterations": np.zeros(len(status), dtype=int), "status": status.copy()}
 
 
 def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | None = None) -> float:
@@ -246,25 +238,15 @@ def _settled(
             def told(words: str) -> None:
                 say(f"MuJoCo settles the platform: {words}")
 
-            settled = heavy.released(problems, starts, model=model, say=told if progress else None, threads=threads)
-        return _batch_of(problems, settled, settled.steps, settled.status)
-    with simulations_of(without_weight(problems), model, threads) as simulations:
-        relaxation, reading = come_to_rest(simulations, frames)
-    return _batch_of(problems, reading, relaxation.steps, relaxation.status)
+            columns, _ = heavy.released(problems, starts, model=model, say=told if progress else None, threads=threads)
+    else:
+        with simulations_of(without_weight(problems), model, threads) as simulations:
+            columns = come_to_rest(simulations, frames)
+    return EquilibriumBatch(problems=problems, **columns, source="mujoco")
 
 
-def _batch_of(
-    problems: Problems,
-    reading: SimulationReading,
-    steps: Int[np.ndarray, " rows"],
-    status: Int[np.ndarray, " rows"],
-) -> EquilibriumBatch:
-    """What was read after these time steps."""
-    return EquilibriumBatch(problems=problems, **as_read(reading, steps), status=status, source="mujoco")
-
-
-def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tuple[Relaxation, SimulationReading]:
-    """Move all rows from where they are to rest; the status of each, and the reading there."""
+def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> dict[str, np.ndarray]:
+    """Move all rows from where they are to rest; columns of an ``EquilibriumBatch`` there."""
     relaxation = Relaxation(simulations, frames)
     relaxation.run()
     reading = simulations.read(relaxation.qpos)
@@ -274,23 +256,12 @@ def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tupl
         relaxation.again(lost)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
-    unstable = relaxation.finished & relaxation.settled & reading.unstable
+    unstable = relaxation.finished & (relaxation.status == Status.CONVERGED) & reading.unstable
     if unstable.any():  # the motion chooses the equilibrium, and would not have stopped there
         relaxation.resume(unstable)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
-    for _ in range(NUDGES):
-        saddle = relaxation.settled & reading.unstable
-        if not saddle.any():
-            break
-        relaxation.nudge(saddle, reading.softest)
-        relaxation.run()
-        reading = simulations.read(relaxation.qpos)
-    beyond = simulations.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
-    relaxation.status[beyond] = Status.OVERSTRAINED
-    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
-    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
-    return relaxation, reading
+    return settled(relaxation, reading, lambda: simulations.read(relaxation.qpos))
 
 
 def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:

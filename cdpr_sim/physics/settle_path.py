@@ -18,7 +18,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.batch import simulations_of
 from cdpr_sim.physics.sagging.settle_chains import released
-from cdpr_sim.physics.settle import as_read, come_to_rest, refused, settled_without_mass, unread, weighs
+from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, unread, weighs
 
 
 def settle_path(
@@ -65,15 +65,15 @@ def settle_path(
     robot, shape, kept = path.robot, path.problems.shape[1:], set(path.kept.tolist())
     count = int(np.prod(shape))
     parts = {name: part.reshape(count, *part.shape[len(shape) :]).copy() for name, part in path.memory.arrays.items()}
-    status, here, before, found = np.full(count, Status.CONVERGED.value), {}, None, []
+    here, before, found = {"status": np.full(count, Status.CONVERGED.value)}, None, []
     with ExitStack() as opened:
         simulations = None  # of the paths that go on
         for row, duration in enumerate(path.durations.tolist()):
             which = np.zeros(path.fine.shape, dtype=bool)
             which[row] = True
-            commands, last, here = path.fine.take(which), here, unread(robot, count)
-            status = np.where(status == Status.CONVERGED, refused(commands), status)
-            going = np.flatnonzero(status == Status.PENDING)
+            commands, last = path.fine.take(which), here
+            here = unread(robot, np.where(last["status"] == Status.CONVERGED, refused(commands), last["status"]))
+            going = np.flatnonzero(here["status"] == Status.PENDING)
             if len(going):
                 starts = commands.take(going)
                 if before is not None:  # from the equilibria before, moved as the commands are
@@ -83,27 +83,25 @@ def settle_path(
                 remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
                 if weighs(robot):
                     at = settled_without_mass(starts, threads) if before is None else starts.poses
-                    settled = released(starts, at, memory=(remembered, duration), threads=threads)
-                    read, status[going], after = as_read(settled, settled.steps), settled.status, settled.memory
-                    if after is None:
-                        rest = np.broadcast_to(starts.rest_lengths, settled.tensions.shape)
-                        after = replace(remembered, beyond=rest, tensions=settled.tensions)
+                    read, after = released(starts, at, memory=(remembered, duration), threads=threads)
                 else:
                     if simulations is None or len(simulations.qpos) != len(going):
                         opened.close()
                         simulations = opened.enter_context(simulations_of(starts, threads=threads))
                     simulations.start(starts, own_springs=False, memory=remembered, duration=duration)
-                    relaxation, reading = come_to_rest(simulations)
-                    read, status[going] = as_read(reading, relaxation.steps), relaxation.status
-                    after = simulations.remembered(reading)
+                    read, ropes = come_to_rest(simulations), simulations.step
+                    after = None if ropes is None else ropes.memory_after(read["lengths"], read["tensions"])
+                if after is None:
+                    rest = np.broadcast_to(starts.rest_lengths, read["tensions"].shape)
+                    after = replace(remembered, beyond=rest, tensions=read["tensions"])
                 for arrays, values in ((here, read), (parts, after.arrays)):
                     for name, part in values.items():
                         arrays[name][going] = part
             before = commands
             if row in kept:
-                found.append(here | {"status": status})
+                found.append(here)
     for part in parts.values():
-        part[status != Status.CONVERGED] = np.nan
+        part[here["status"] != Status.CONVERGED] = np.nan
     shaped = {name: part.reshape(*shape, *part.shape[1:]) for name, part in parts.items()}
     columns = {name: np.stack([one[name] for one in found]) for name in found[0]}
     return EquilibriumPath(

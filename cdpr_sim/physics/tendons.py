@@ -23,16 +23,16 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics import pulleys, winches
-from cdpr_sim.physics.number_format import text
+from cdpr_sim.physics.number_format import add
 
 NOTHING = 1e-200
 """[N/m] Stiffness of a drawn twin. MuJoCo draws hanging chains only where there is a spring: this one changes no force,
@@ -42,82 +42,82 @@ not even by rounding."""
 def add_exits(world: ET.Element, cabling: Cabling) -> None:
     """The sites ``exit_1``, ... at which cables enter the scene."""
     for i, position in enumerate(cabling.exits, start=1):
-        ET.SubElement(world, "site", {"name": f"exit_{i}", "class": "exit", "pos": text(position)})
+        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
 
 
 def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
     """The sites ``anchor_1``, ... at which cables pull on the platform."""
     for i, position in enumerate(cabling.anchors, start=1):
-        ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
+        add(platform, "site", {"name": f"anchor_{i}", "class": "anchor"}, pos=position)
 
 
 def add_tendons(
     root: ET.Element,
-    robot: Robot,
-    rest_lengths: Float[np.ndarray, " cables"],
+    problem: Problem,
     step: float | None,
     *,
-    wound: bool = False,
-    whole: Callable[[ET.Element, int], None] | None = None,
+    wound: bool,
+    nodes: int | None,
     uneven: Float[np.ndarray, " cables"],
-) -> None:
-    """The tendons ``cable_1``, ... with ``rest_lengths`` [m].
+) -> ET.Element:
+    """The tendons ``cable_1``, ... with the problem's rest lengths; returns the element of all tendons.
 
     Args:
         root: the model.
-        robot: the robot.
-        rest_lengths: (cables,) [m].
+        problem: the robot with its rest lengths.
         step: the time step [s] of an integrator that does not know springs, for which they are damped; None without.
         wound: whether the actuators of winches replace springs, except those of nonlinear cables, which begin at a
             drum; ``rope_1``, ... are then drawn in their place (``winches.hang``).
-        whole: adds the masses to the tendon of a cable that has mass; None where ``chains`` make all its tendons.
+        nodes: number of masses through which the tendon of a cable with mass runs; None where ``chains`` make all its
+            tendons.
         uneven: by how much cables stretch further than under their mean tension [m].
     """
-    tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
+    robot, cabling, rest_lengths = problem.robot, problem.robot.cabling, problem.rest_lengths
+    tendons = ET.SubElement(root, "tendon")
     stiffnesses = springs(cabling, cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
     lengths = rest_lengths + uneven + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
         heavy = cabling.linear_density[i - 1] > 0
-        if heavy and whole is None:
+        if heavy and nodes is None:
             continue
-        cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        if (
-            cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0 or heavy
-        ):  # ``reset`` cannot read it elsewhere
-            parts = float(cabling.reeving[i - 1])
-            further_on = [uneven[i - 1]] if heavy else []
-            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts, *further_on]))
+        parts = float(cabling.reeving[i - 1])
+        shared = cabling.winch_to_exit[i - 1] / parts
+        properties = [parts, shared, *([uneven[i - 1]] if heavy else [])]
         nonlinear = cabling.stiffening[i - 1].any()
-        if nonlinear or not wound:
-            cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
-            cable.set("springlength", text([0, length]))
-        if step is not None:
-            cable.set("damping", text(step * stiffness))
-        if heavy:
-            cable.set("group", str(winches.HIDDEN))  # its segments are drawn
+        spring = nonlinear or not wound
+        cable = add(
+            tendons,
+            "spatial",
+            {"name": f"cable_{i}", "class": "cable"},
+            user=properties if parts > 1 or shared > 0 or heavy else None,  # ``reset`` cannot read it elsewhere
+            stiffness=[stiffness, *(further[i - 1] if nonlinear else [])] if spring else None,
+            springlength=[0, length] if spring else None,
+            damping=None if step is None else step * stiffness,
+            group=winches.HIDDEN if heavy else None,  # its segments are drawn
+        )
         if nonlinear and wound:
-            ET.SubElement(cable, "site", site=f"drum_{i}")
+            add(cable, "site", site=f"drum_{i}")
         elif cabling.pulleys[i - 1]:
-            ET.SubElement(cable, "site", site=f"entry_{i}")
+            add(cable, "site", site=f"entry_{i}")
         if cabling.pulleys[i - 1]:
             pulleys.add_way(cable, i)
         else:
-            ET.SubElement(cable, "site", site=f"exit_{i}")
-        if heavy and whole is not None:
-            whole(cable, i)
-        ET.SubElement(cable, "site", site=f"anchor_{i}")
+            add(cable, "site", site=f"exit_{i}")
+        for k in range(1, 1 + (nodes or 0) * heavy):
+            add(cable, "site", site=f"node_{i}_{k}")
+        add(cable, "site", site=f"anchor_{i}")
         if wound and not (cabling.pulleys[i - 1] or heavy):
-            add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=str(winches.HIDDEN))
+            add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=winches.HIDDEN)
+    return tendons
 
 
-def add_twin(tendons: ET.Element, name: str, cable: int, length: float, **look: str) -> None:
+def add_twin(tendons: ET.Element, name: str, cable: int, length: float, group: int | None = None) -> None:
     """A tendon along ``cable`` (from 1 on) without force, which is drawn hanging where it is below ``length`` [m]."""
-    twin = ET.SubElement(tendons, "spatial", {"name": name, "class": "cable"} | look)
-    twin.set("stiffness", text(NOTHING))
-    twin.set("springlength", text([0, length]))
+    names = {"name": name, "class": "cable"}
+    twin = add(tendons, "spatial", names, group=group, stiffness=NOTHING, springlength=[0, length])
     for end in ("exit", "anchor"):
-        ET.SubElement(twin, "site", site=f"{end}_{cable}")
+        add(twin, "site", site=f"{end}_{cable}")
 
 
 def springs(

@@ -49,9 +49,10 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import FLAG, as_numbers
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys
-from cdpr_sim.physics.number_format import text
+from cdpr_sim.physics.number_format import add, add_inertia, text
 
 Kind: TypeAlias = Literal["ratio", "speed"]
 """What the controls of winches are: L/l0 - 1, or a speed."""
@@ -208,20 +209,18 @@ def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cabl
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
         inertia = SERVO * springs[cable] / DRUM_SWING**2
         start = robot.exits[cable] - behind(robot)[cable] * axis
-        drum = ET.SubElement(world, "body", name=f"drum_{i}", pos=text(start), gravcomp="1")
-        slide = ET.SubElement(drum, "joint", name=f"drum_{i}", type="slide", axis=text(-axis))
-        slide.set("armature", text(inertia))
-        slide.set("damping", text(2 * DRUM_SWING * inertia))
+        drum = add(world, "body", name=f"drum_{i}", pos=start, gravcomp=1)
+        slide = {"name": f"drum_{i}", "type": "slide"}
+        add(drum, "joint", slide, axis=-axis, armature=inertia, damping=2 * DRUM_SWING * inertia)
         mass = pulleys.LIGHT * robot.mass
-        ET.SubElement(drum, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass] * 3))
-        ET.SubElement(drum, "site", {"name": f"drum_{i}", "class": "exit"})
+        add_inertia(drum, mass, mass)
+        add(drum, "site", {"name": f"drum_{i}", "class": "exit"})
 
 
 def add_winches(
     root: ET.Element,
     world: ET.Element,
-    robot: Robot,
-    rest_lengths: Float[np.ndarray, " cables"],
+    problem: Problem,
     springs: Float[np.ndarray, " cables"],
     *,
     uneven: Float[np.ndarray, " cables"],
@@ -230,13 +229,12 @@ def add_winches(
     speed: float,
     damping: Float[np.ndarray, " cables"],
 ) -> None:
-    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at the start; and the sensors.
+    """The actuators ``winch_1``, ...; and the sensors.
 
     Args:
         root: the model.
         world: its world body.
-        robot: the robot.
-        rest_lengths: rest lengths at a control, or an activation, of 0 [m].
+        problem: the robot, with its rest lengths at a control, or an activation, of 0.
         springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
         uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
         kind: what the controls are.
@@ -244,17 +242,16 @@ def add_winches(
         speed: largest rope speed of the kind ``speed`` [m/s].
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
+    robot, rest_lengths = problem.robot, problem.rest_lengths
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds, extra, offsets = reach(robot, rest_lengths), shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
         if robot.cabling.stiffening[cable].any():
-            winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
-            winch.set("joint", f"drum_{i}")
-            winch.set("gainprm", text(SERVO * slope))
-            winch.set("biastype", "affine")
-            winch.set("biasprm", text([0, -SERVO * slope, 0]))
+            law = {"name": f"winch_{i}", "joint": f"drum_{i}"}
+            bias = [0, -SERVO * slope, 0]
+            winch = add(actuators, "general", law, gainprm=SERVO * slope, biastype="affine", biasprm=bias)
             ends, fastest = [length - longest, length - shortest], speed
         else:
             unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
@@ -268,12 +265,10 @@ def add_winches(
             winch.set("dyntype", "integrator")
             winch.set("actrange", text(ends))
             winch.set("ctrlrange", text([-fastest, fastest]))
-        ET.SubElement(sensors, "actuatorfrc", name=f"tension_{i}", actuator=f"winch_{i}")
-    ET.SubElement(world, "site", name="base", group="4")
+        add(sensors, "actuatorfrc", name=f"tension_{i}", actuator=f"winch_{i}")
+    add(world, "site", name="base", group=4)
     for what, name in (("framepos", "position"), ("framequat", "orientation")):
-        sensor = ET.SubElement(sensors, what, name=name, objtype="xbody", objname="platform")
-        sensor.set("reftype", "site")
-        sensor.set("refname", "base")
+        add(sensors, what, name=name, objtype="xbody", objname="platform", reftype="site", refname="base")
 
 
 def add_damped_cables(
@@ -311,14 +306,16 @@ def _add_cable(
 ) -> ET.Element:
     """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
     stiffness = robot.reeving[cable] * robot.axial_stiffness[cable]
-    actuator = ET.SubElement(actuators, "general", name=name, tendon=f"cable_{cable + 1}", gear="-1")
-    actuator.set("gaintype", "affine")
-    actuator.set("gainprm", text(gain * np.array([-slope * offset, -slope, 0])))
-    actuator.set("biastype", "affine")
-    actuator.set("biasprm", text([-stiffness - slope * offset, -slope, -damping * slope]))
-    most = robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness
-    actuator.set("forcerange", text([0, most]))
-    return actuator
+    return add(
+        actuators,
+        "general",
+        {"name": name, "tendon": f"cable_{cable + 1}", "gear": -1},
+        gaintype="affine",
+        gainprm=gain * np.array([-slope * offset, -slope, 0]),
+        biastype="affine",
+        biasprm=[-stiffness - slope * offset, -slope, -damping * slope],
+        forcerange=[0, robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness],
+    )
 
 
 def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:

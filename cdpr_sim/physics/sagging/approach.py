@@ -43,9 +43,8 @@ def approach(
     qpos, qvel = simulations.qpos[at], simulations.qvel[at]
     turn, last = np.full(rows, TURN), np.zeros_like(qvel[:, simulations.angular])
     tried, vain, earlier = np.zeros(rows, dtype=int), np.zeros(rows, dtype=int), np.zeros(rows)
-    derivatives = ChainDerivatives(
-        np.zeros((rows, free, free)), np.zeros((rows, chains, slides, free)), np.zeros((rows, chains, slides, slides))
-    )
+    shapes = (free, free), (chains, slides, free), (chains, slides, slides), (chains, slides, free)
+    derivatives = ChainDerivatives(*(np.zeros((rows, *shape)) for shape in shapes))
     loose, known = np.zeros_like(derivatives.within), np.ones(rows, dtype=bool)
     residual = simulations.residuals(at)
     while True:
@@ -119,8 +118,9 @@ def _implicit_step(
 
     Along directions of negative stiffness the step has the opposite sign, which leads away from a saddle.
     """
-    direct, across, _ = derivatives
+    direct, across, _, carried = derivatives
     platform, slides = simulations.forces(at)
+    platform = platform + np.einsum("rcs,rcsf->rf", slides, carried)
     alone, follow = (loose @ slides[..., None])[..., 0], loose @ across
     x = np.zeros_like(platform)
     if not simulations.held:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cdpr_sim.physics.batch import softest_of
 from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations, Rows
 
 DIFFERENCE = 1e-7
@@ -30,15 +29,19 @@ def _balanced(nodes: int) -> Float[np.ndarray, " nodes"]:
 class ChainDerivatives(NamedTuple):
     """Decrease of forces by displacement [N/m], of some rows.
 
+    Where the platform rotates, its chains keep their directions in space (``ChainSimulations.displaced``).
+
     Attributes:
-        direct: on the platform by its own displacement.
+        direct: on the platform, with its chains, by its own displacement.
         across: on the slides by the platform's displacement.
         within: on the slides by their own displacement; the slides of different chains do not interact.
+        carried: displacements of the slides by that of the platform [m/m], through which forces on them act on it.
     """
 
     direct: Float[np.ndarray, "some free free"]
     across: Float[np.ndarray, "some chains slides free"]
     within: Float[np.ndarray, "some chains slides slides"]
+    carried: Float[np.ndarray, "some chains slides free"]
 
     @classmethod
     def of(cls, simulations: ChainSimulations, at: Rows, *, quick: bool = False) -> ChainDerivatives:
@@ -62,6 +65,8 @@ class ChainDerivatives(NamedTuple):
             some = slice(free + 3 * k, free + 3 * k + 3)
             moves[:, some, slides] = np.kron(along, np.eye(3))[:, None]
         platform, masses = _slopes(simulations, at, step, moves, quick)
+        carried = _carried(simulations, at)
+        platform = platform + np.einsum("rmcs,rcsf->rmf", masses, carried)
 
         direct, across = np.moveaxis(platform[:, :free], 1, -1), np.moveaxis(masses[:, :free], 1, -1)
         nodewise = np.moveaxis(masses[:, free:].reshape(len(at), len(along_slides), 3, len(slides), nodes, 3), 2, -1)
@@ -71,7 +76,7 @@ class ChainDerivatives(NamedTuple):
         for k in range(nodes):
             node = slice(3 * k, 3 * k + 3)
             within[:, :, node, node] += own[:, :, k]
-        return cls(direct, across, within)
+        return cls(direct, across, within, carried)
 
     @property
     def known(self) -> Bool[np.ndarray, " some"]:
@@ -83,22 +88,39 @@ class ChainDerivatives(NamedTuple):
 
         The masses' degrees of freedom are condensed out, mode by mode of each chain: the product with an inverse would
         lose the soft modes beside the stiff ones. Modes below the noise of the differences, which shows as asymmetry,
-        are left out. The result is nan if the derivatives are unknown.
+        are left out; eigenvalues within the error that this noise causes are 0. The result is nan if the derivatives
+        are unknown.
         """
         known = self.known
-        direct, across, within = (part[known] for part in self)
+        direct, across, within, carried = (part[known] for part in self)
         modal, modes = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
         rounding = within.shape[-1] * np.finfo(float).eps * np.abs(modal).max(2)
         noise = np.maximum(np.abs(within - within.swapaxes(2, 3)).max((2, 3)), rounding)
         loose = np.divide(1, modal, out=np.zeros_like(modal), where=np.abs(modal) > noise[..., None])
         pulled = modes.swapaxes(2, 3) @ across
-        stiffness = np.zeros_like(self.direct)
-        stiffness[known] = direct - (pulled.swapaxes(2, 3) @ (loose[..., None] * pulled)).sum(1)
-        return softest_of(stiffness, known)
+        follow = loose[..., None] * pulled
+        stiffness = direct - (pulled.swapaxes(2, 3) @ follow).sum(1)
+        values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2)) / 2)
+        turning, following = (np.abs(moved @ vectors[:, None]).sum(2) for moved in (carried, follow))
+        error = (noise[..., None] * (1 + turning + following) * (1 + following)).sum(1)
+        values[np.abs(values) <= error] = 0
+        eigenvalues, softest = np.full((2, *self.direct.shape[:2]), np.nan)
+        eigenvalues[known], softest[known] = values, vectors[:, :, 0]
+        return eigenvalues, softest
 
     def following(self, x: Float[np.ndarray, "some free"]) -> Float[np.ndarray, "some chains slides"]:
         """Displacements of the slides with which the masses stay in balance where the platforms move by x [m]."""
         return -((np.linalg.pinv(self.within) @ self.across) @ x[:, None, :, None])[..., 0]
+
+
+def _carried(simulations: ChainSimulations, at: Rows) -> Float[np.ndarray, "some chains slides free"]:
+    """Displacements of the slides, in the platform's frame, with which chains keep their directions in space."""
+    turns = simulations.rotations[at] if simulations.free == 6 else simulations.rotations[at, 1:2]
+    extents = simulations.qpos[at][:, simulations.chains.coordinates]
+    carried = np.zeros((len(at), *simulations.slides.shape, simulations.free))
+    moved = np.cross(extents[..., None, :], turns[:, None, None]) / simulations.length
+    carried[..., simulations.angular] = moved.swapaxes(-1, -2).reshape(*carried.shape[:3], turns.shape[1])
+    return carried
 
 
 def _slopes(

@@ -175,13 +175,14 @@ class ChainRelaxation:
             self.simulations.lay(at, self.simulations.expected_pulls(at))
             self._approach(at)
 
-    def nudge(self, at: Rows, directions: Float[np.ndarray, "some free"]) -> None:
-        """Give platforms a small velocity along an unstable direction, as any disturbance would."""
-        simulations = self.simulations
+    def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
+        """Move ``rows`` on with a small velocity along an unstable direction, as any disturbance would."""
+        simulations, at = self.simulations, np.flatnonzero(rows)
         self.stepping.stiffen(at)
         speed = 1e-3 * simulations.swing[at] * simulations.rest_lengths[at].max(1)
-        ways = np.where(directions.sum(1) < 0, -1, 1)
-        simulations.qvel[at] = simulations.in_dofs(at, directions * (ways * speed)[:, None])
+        ways = np.where(directions[at].sum(1) < 0, -1, 1)
+        simulations.qvel[at] = simulations.in_dofs(at, directions[at] * (ways * speed)[:, None])
+        self.run(at)
 
     def _approach(self, at: Rows) -> Bool[np.ndarray, " some"]:
         """Which rows ``approach`` takes to equilibrium, which then is the next and last state of the motion."""

@@ -47,6 +47,9 @@ IMMOVABLE = 1e100
 SHORTEST_FREE = 0.1
 """Least free length of a first segment that damping assumes, in radii of its wheel."""
 
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion w x y z without rotation."""
+
 POSITIONS, VELOCITIES, FORCES = (
     stage.value for stage in (mujoco.mjtStage.mjSTAGE_POS, mujoco.mjtStage.mjSTAGE_VEL, mujoco.mjtStage.mjSTAGE_ACC)
 )
@@ -131,7 +134,7 @@ class ChainSimulations:
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         self.springs, self.polynomials = self.stiffnesses.copy(), self.further.copy()
         if not self.given:
-            division = straight(felt_at_exit(cabling, chains.cables))
+            division = straight(felt_at_exit(cabling))
             self.division = ChainDivision(*(np.tile(part, (rows, 1, 1)) for part in division))
             self._let_out(self.all)
         load = np.maximum(robot.weight, np.abs(self.wrenches / robot.units).max(1))
@@ -198,8 +201,8 @@ class ChainSimulations:
         """
         chains, cabling, rest = self.chains, self.robot.cabling, self.rest_lengths[at]
         axial_stiffness, row = self.axial_stiffness[at], at[:, None]
-        lengths, masses = cut(self.robot, chains.cables, rest, ChainDivision(*(part[at] for part in self.division)))
-        springs = segment_springs(cabling, chains.cables, axial_stiffness[:, chains.cables], lengths)
+        lengths, masses = cut(self.robot, rest, ChainDivision(*(part[at] for part in self.division)))
+        springs = segment_springs(cabling, axial_stiffness, lengths)
         segments = row[..., None], chains.segments
         self.stiffnesses[segments], self.further[segments] = springs
         lengths[..., 0] += chains.entries
@@ -310,13 +313,22 @@ class ChainSimulations:
     def displaced(
         self, qpos: Float[np.ndarray, "*#batch coordinates"], moves: Float[np.ndarray, "*#batch dofs"]
     ) -> Float[np.ndarray, "*batch coordinates"]:
-        """Coordinates after ``moves``, as MuJoCo integrates velocities in a unit of time."""
-        if self.free != 6:
-            return qpos + moves
-        quaternions = qpos[..., 3:7]
-        angles = (matrices(quaternions) @ moves[..., 3:6, None])[..., 0]
-        parts = qpos[..., :3] + moves[..., :3], turned(quaternions, angles), qpos[..., 7:] + moves[..., 6:]
-        return np.concatenate(parts, axis=-1)
+        """Coordinates after ``moves``, while chains keep their directions in space where a platform rotates.
+
+        Masses that rotate with it would move by the length of a chain over the platform's: too far for differences, and
+        too far from where they are in balance.
+        """
+        turning = moves[..., 3:6] if self.free == 6 else moves[..., 2:3] * [0.0, 1.0, 0.0]
+        rotations, (places, dofs) = matrices(turned(UPRIGHT, turning)), (self.chains.coordinates, self.chains.dofs)
+        if self.free == 6:
+            quaternions = qpos[..., 3:7]
+            angles = (matrices(quaternions) @ turning[..., None])[..., 0]
+            parts = qpos[..., :3] + moves[..., :3], turned(quaternions, angles), qpos[..., 7:] + moves[..., 6:]
+            there = np.concatenate(parts, axis=-1)
+        else:
+            there = qpos + moves
+        there[..., places] = qpos[..., places] @ rotations[..., None, :, :] + moves[..., dofs]
+        return there
 
     def forces_at(
         self,
@@ -546,7 +558,7 @@ class ChainSimulations:
         at, pulls, bends = at[bent], pulls[bent], bends[bent]
         qpos, weights = self.qpos[at].copy(), self.weights[at][..., None]
         for _ in range(2 if len(at) else 0):
-            division = divisions(1 + pulls[..., 2], bends, felt_at_exit(self.robot.cabling, self.chains.cables))
+            division = divisions(1 + pulls[..., 2], bends, felt_at_exit(self.robot.cabling))
             for own, part in zip(self.division, division, strict=True):
                 own[at] = part
             self._let_out(at)

@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import NotSettled
@@ -18,28 +18,13 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.batch import SimulationReading, quiet
 from cdpr_sim.physics.chains import too_short
-from cdpr_sim.physics.dynamic_relaxation import NUDGES
+from cdpr_sim.physics.dynamic_relaxation import settled
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation, Frames
 from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations
 
 ROWS = 256
 """Rows that move side by side: with more, each costs no less, and they need 0.2 MB each."""
-
-
-@dataclass(frozen=True)
-class SettledChains(SimulationReading):
-    """Last states, with the number of time steps and the status of each row.
-
-    Attributes:
-        steps: number of time steps.
-        status: of each row.
-        memory: of the cables there, (rows,), without the time; None where none has one.
-    """
-
-    steps: Int[np.ndarray, " rows"]
-    status: Int[np.ndarray, " rows"]
-    memory: Memory | None
 
 
 def released(
@@ -51,7 +36,7 @@ def released(
     say: Callable[[str], None] | None = None,
     memory: tuple[Memory, float] | None = None,
     threads: int = 1,
-) -> SettledChains:
+) -> tuple[dict[str, np.ndarray], Memory | None]:
     """Settle each of (rows,) problems from its start.
 
     Args:
@@ -63,10 +48,13 @@ def released(
         memory: of cables with one, (rows,), and the time since then [s]; default: that of new ropes.
         threads: 0 for one per processor.
 
+    Returns:
+        Columns of an ``EquilibriumBatch``; and the memory, without the time, None where no cable has one.
+
     Raises:
         InvalidInput: a mass per problem, since all rows have one model.
     """
-    count, found = len(problems), []
+    count, found, memories = len(problems), [], []
     for first in range(0, count, ROWS):
         rows = np.arange(first, min(first + ROWS, count))
 
@@ -83,30 +71,13 @@ def released(
                 threads=threads,
             )
             relaxation = ChainRelaxation(simulations, None if first else frames, told if say is not None else None)
-            found.append(_settled(simulations, relaxation))
-    return found[0] if len(found) == 1 else _joined(found)
-
-
-def _settled(simulations: ChainSimulations, relaxation: ChainRelaxation) -> SettledChains:
-    """Settle all rows; from saddles, with a nudge."""
-    relaxation.relax()
-    reading = read(simulations)
-    for _ in range(NUDGES):
-        saddles = np.flatnonzero((relaxation.status == Status.CONVERGED) & reading.unstable)
-        if not len(saddles):
-            break
-        relaxation.nudge(saddles, reading.softest[saddles])
-        relaxation.run(saddles)
-        reading = read(simulations)
-    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
-    status = np.where(reading.off_wheel, Status.OFF_WHEEL, relaxation.status)
-    beyond = simulations.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
-    return SettledChains(
-        **vars(reading),
-        steps=relaxation.steps,
-        status=np.where(beyond, Status.OVERSTRAINED, status),
-        memory=None if simulations.ropes is None else simulations.remembered(),
+            relaxation.relax()
+            found.append(settled(relaxation, read(simulations), partial(read, simulations)))
+            memories.append({} if simulations.ropes is None else simulations.remembered().arrays)
+    columns, after = (
+        {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} for parts in (found, memories)
     )
+    return columns, Memory(**after, time=np.nan) if after else None
 
 
 def read(simulations: ChainSimulations) -> SimulationReading:
@@ -117,16 +88,6 @@ def read(simulations: ChainSimulations) -> SimulationReading:
     eigenvalues, softest = ChainDerivatives.of(simulations, rows).stiffness()
     seen = vars(simulations.observe(rows))
     return SimulationReading(**seen, residuals=residuals, eigenvalues=eigenvalues, softest=softest, off_wheel=off_wheel)
-
-
-def _joined(parts: list[SettledChains]) -> SettledChains:
-    """All parts as one."""
-    names = vars(parts[0]).keys() - {"memory"}
-    whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    memories, memory = [part.memory.arrays for part in parts if part.memory is not None], None
-    if memories:
-        memory = Memory(**{name: np.concatenate([one[name] for one in memories]) for name in memories[0]}, time=np.nan)
-    return SettledChains(**whole, memory=memory)
 
 
 def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulations:
