@@ -22,14 +22,12 @@ from cdpr_sim.analysis.workspace.feasibility import (
     feasible_by_linprog,
 )
 from cdpr_sim.core.describe import describe_properties
-from cdpr_sim.core.pose import moved
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.layout_equilibria import Cases, feasible_share, solve_layouts
 from cdpr_sim.report.as_json import solution
 from cdpr_sim.report.crosscheck_tables import equilibrium_notes
 from cdpr_sim.robots.writing import as_toml
-from cdpr_sim.statics import derivatives, forces
 
 SOFT = 1e3
 """[N] EA with which DemoBot's ropes strain by some per mille, so that laws and lengths show."""
@@ -199,71 +197,12 @@ def test_a_rope_wound_at_its_exit_is_the_limit(kind):
     assert (plain.pulls == plain.tensions).all()
 
 
-def _state(robot: cdpr.Robot, factor: float = 0.98) -> tuple[cdpr.Problem, forces.State]:
-    """Out of balance, with a torque; every cable taut."""
-    pose = cdpr.Problem.of(robot, POSE).pose
-    rest = factor * robot.rest_lengths(POSE)
-    problem = cdpr.Problem.of(robot, pose, rest, [0.1, 0, 0, 0, 0.01, 0])
-    return problem, forces.at(problem, problem.position, problem.rotation_matrix)
-
-
 EVERY_KIND = KINDS | {
     "mass": dict(linear_density=5e-3),
     "mass, pulleys and law on some": dict(
         linear_density=[5e-3] * 6 + [0, 0], pulley_radius=[0.01, 0] * 4, stiffening=[LAW] * 4 + [(0, 0)] * 4
     ),
 }
-
-
-@pytest.mark.parametrize("kind", EVERY_KIND)
-def test_the_wrench_is_the_slope_of_the_energy_and_derivatives_are_exact(kind):
-    """Net wrench, stiffness, and derivatives by every parameter, against central differences."""
-    robot = mixed("cogiro", **EVERY_KIND[kind])
-    problem, state = _state(robot)
-
-    def at(step):
-        pose = moved(problem.pose, step)
-        return forces.at(problem, pose.translation, pose.rotation.as_matrix())
-
-    # An external torque is no part of the energy.
-    steps = [(at(1e-6 * unit), at(-1e-6 * unit)) for unit in np.eye(6)]
-    by_energy = np.array([before.energy - after.energy for after, before in steps]) / 2e-6
-    scale = np.abs(state.net_wrench).max()
-    assert by_energy[:3] == pytest.approx(state.net_wrench[:3], abs=1e-6 * scale)
-    assert by_energy[4] == pytest.approx(state.net_wrench[4] - 0.01, abs=1e-6 * scale)
-    turned = np.array([after.net_wrench - before.net_wrench for after, before in steps]).T / 2e-6
-    slope = derivatives.wrench_slope(state)
-    assert np.abs(turned - slope).max() < 1e-5 * np.abs(slope).max()
-    by_pose = np.array([after.tensions - before.tensions for after, before in steps]).T / 2e-6
-    exact = derivatives.tension_by_pose(state)
-    assert np.abs(by_pose - exact).max() < 1e-5 * np.abs(exact).max()
-
-    assert "winch_to_exit" in derivatives.parameters(robot)
-    wrench_by, tension_by = derivatives.wrench_by_parameter(state), derivatives.tension_by_parameter(state)
-    for name in ("rest_lengths", "axial_stiffness", "winch_to_exit", "pulley_radius", "anchors"):
-        if name == "pulley_radius" and not robot.cabling.pulleys.any():
-            continue
-        holder = problem if name == "rest_lengths" else robot
-        for index in range(getattr(holder, name).size):
-            ends = []
-            size = 1e-4 if "mass" in kind and name == "pulley_radius" else 1e-6 * (SOFT if "axial" in name else 1)
-            if name == "pulley_radius" and robot.pulley_radius[index] == 0:
-                continue
-            for sign in (1, -1):
-                value = getattr(holder, name).copy()
-                value.reshape(-1)[index] += sign * size
-                other = problem
-                if name == "rest_lengths":
-                    other = cdpr.Problem(robot, problem.pose, value, problem.external_wrench)
-                else:
-                    changed = robot.replace(**{name: value})
-                    if name in ("pulley_radius", "anchors"):  # what lies on the wheel does not follow
-                        changed.__dict__["wrapped_lengths"] = robot.wrapped_lengths
-                    other = cdpr.Problem(changed, problem.pose, problem.rest_lengths, problem.external_wrench)
-                ends.append(forces.at(other, problem.position, problem.rotation_matrix))
-            for quantity, by in (("net_wrench", wrench_by[name]), ("tensions", tension_by[name])):
-                differenced = (getattr(ends[0], quantity) - getattr(ends[1], quantity)) / (2 * size)
-                assert np.abs(by[:, index] - differenced).max() < 1e-4 * np.abs(by).max(), (name, index, quantity)
 
 
 def test_a_sagging_rope_has_the_massless_one_as_its_limit():
@@ -273,29 +212,6 @@ def test_a_sagging_rope_has_the_massless_one_as_its_limit():
     assert np.abs(light.position - cdpr.solve(robot, POSE).position).max() < 1e-6
     heavy = robot.replace(linear_density=5e-3)
     assert cdpr.solve(heavy, POSE).position[2] < cdpr.solve(heavy.replace(winch_to_exit=0.0), POSE).position[2]
-
-
-@pytest.mark.parametrize("kind", ["plain", "pulleys and law"])
-def test_every_answer_of_statics_takes_a_drive_line(kind):
-    """Each agrees with the equilibrium that ``solve`` finds."""
-    robot = mixed("cogiro", **KINDS[kind])
-    found = cdpr.solve(robot, POSE)
-    for method in ("fsolve", "least_squares"):
-        assert np.abs(cdpr.solve(robot, POSE, method=method).position - found.position).max() < 1e-7
-    assert np.abs(cdpr.follow_load(robot, POSE).equilibria[-1].position - found.position).max() < AT_REST
-    swept = cdpr.sweep(robot, {"x": [POSE[0]], "y": [POSE[1]], "z": [POSE[2]]})
-    assert np.abs(swept["position"].values.ravel() - found.position).max() < 1e-12
-    assert np.abs(swept["tensions"].values.ravel() - found.tensions).max() < 1e-12
-    assert min(np.abs(one.position - found.position).max() for one in cdpr.find_equilibria(robot, POSE)) < 1e-8
-    design = solve_layouts(RobotBatch.of([robot]), Cases.of(robot, [POSE]), 1)
-    assert np.abs(design.positions[0, 0] - found.position).max() < 1e-12
-    assert np.abs(design.tensions[0, 0] - found.tensions).max() < 1e-12
-    assert design.frequencies[0, 0] == pytest.approx(cdpr.natural_modes(found).frequencies[0], rel=1e-9)
-    assert np.isfinite(cdpr.clearances(robot, [POSE]).least).all()
-    heavy = robot.replace(linear_density=5e-4)
-    alone = cdpr.solve(heavy, POSE)
-    batch = solve_layouts(RobotBatch.of([heavy]), Cases.of(heavy, [POSE]), 1)
-    assert np.abs(batch.tensions[0, 0] - alone.tensions).max() < 1e-10
 
 
 @pytest.mark.parametrize("kind", ["plain", "pulleys and law", "mass, pulleys and law on some"])
