@@ -321,68 +321,6 @@ def test_large_errors_are_written_like_their_neighbours():
     assert re.fullmatch(r"\d+\.\d{6}|\d\.\d\de-\d\d", after)
 
 
-# ----------------------------------------------------------------------------------------------------------- MISTAKES
-
-
-LINE = ["--line", "0.2", "0.25", "0.1", "0.6", "0.25", "0.1"]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            ["sweep", "parallel", "--grid", "2000", "2000", "2000"],
-            r"of 8,000,000,000 poses would take about .* TB",
-        ),
-        (["sweep", "parallel", "--grid", "2000", "2000", "2000", "-o", "x.nc"], r"expected .* or a \.zarr store"),
-        (["map", "parallel", "--points", "60000"], "points: found 60000, expected at most 2000"),
-        (
-            ["check", "parallel", "--grid", "100000", "1000", "50"],
-            "of 5,000,000,000 poses would take about .* TB",
-        ),
-        (
-            ["equilibria", "parallel", "--starts", "2000000000"],
-            "2000000000 would take about .* expected fewer",
-        ),
-        (["equilibria", "parallel", "--starts", "0"], "starts: found 0, expected at least 1"),
-        (["identify", "parallel", "/dev/zero"], "/dev/zero: found a device, expected a file"),
-        (["identify", "parallel", "endless.csv"], "endless.csv: found more than 50 MB, expected a file of text"),
-        (["video", *["cogiro"] * 7], "trajectories: found 7, expected 1 to 6 side by side"),
-        (["video", *["cogiro"] * 4, "--compensate"], "trajectories: found 8, expected 1 to 6 side by side"),
-        (["sweep", "parallel", "--grid", "9000000000", "1", "1"], "coordinates x would take about 900 GB .* fewer"),
-        (["sweep", "parallel", "--grid", *["999999999"] * 3], r"found 1.0e\+27 positions, expected 1e\+10 at most"),
-        (["clearances", "parallel", "--grid", "100000", "1000", "50"], "5,000,000,000 poses would take about .* TB"),
-        (["clearances", "parallel", *LINE, "--points", "2000000000"], "2,000,000,000 poses would take about .* TB"),
-        (["clearances", "parallel", "--line", "nan", *LINE[2:]], "line: found nan, expected finite numbers"),
-        (["design", "parallel", "--grid", "100000", "1000", "50"], "5,000,000,000 poses would take about 1 TB"),
-        (["design", "parallel", *LINE, "--points", "50000000000"], "50,000,000,000 poses would take about 10 TB"),
-        (["design", "parallel", "--move", "exits=1e300"], r"within: found 1e\+300 m, expected at most 1e\+06 m"),
-        (["front", "parallel", "-o", "out/deeper", "--objectives", "a", "b"], "unknown objective 'a'"),
-        (["front", "nosuch", "-o", "out"], "unknown robot 'nosuch'"),
-        (["solve", "parallel", "--pose", "1e300", "0", "0"], r"pose: found 1e\+300 m, expected at most 1e\+06 m"),
-        (["map", "parallel", "--force", "-o", "pipe.png"], "pipe.png: found a pipe or a device, expected a file"),
-        (["video", "parallel", "--force", "-o", "pipe.mp4"], "pipe.mp4: found a pipe or a device, expected a file"),
-    ],
-    ids=lambda one: one if isinstance(one, str) else " ".join(one[:4]),
-)
-def test_what_cannot_be_is_refused_before_any_work(tmp_path, monkeypatch, words, message):
-    """With the estimate and what to do, in less time than the work takes to begin."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("pipe.png", "pipe.mp4"):
-        os.mkfifo(name)
-    with open("endless.csv", "wb") as file:
-        file.truncate(60_000_000)
-    for name in ("solve_many", "settle_many", "drive", "find_equilibria"):
-        monkeypatch.setattr(cdpr, name, None)
-    began = time.process_time()
-    result = run(*words)
-    assert time.process_time() - began < 2.0
-    assert result.exit_code == 2, result.output
-    assert re.search(message, result.stderr)
-    assert len(result.stderr.strip().splitlines()) == 1
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["endless.csv", "pipe.mp4", "pipe.png"]
-
-
 @pytest.mark.skipif(os.name == "nt", reason="folders are locked in another way")
 @pytest.mark.parametrize(
     "words",
