@@ -17,7 +17,6 @@ from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_lay
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
 from cdpr_sim.design.symmetry import group
-from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
 from cdpr_sim.studies.real_cables import crane
 from tests.sample_problems import grid, symmetric_pair
@@ -492,37 +491,6 @@ def test_what_no_layout_can_do_is_said(parallel):
     with pytest.raises(cdpr.InvalidInput, match="violates 'lowest tension at least 100 N' the most") as raised:
         cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
     assert "and also tensions from 0 to 1.5 N" in str(raised.value)
-
-
-@pytest.mark.parametrize("robot", ["better", "mixed", "rope", "label"])
-def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path):
-    """Every number to its last bit; materials by name where they have one."""
-    one = better.robot
-    if robot == "mixed":
-        one = one.replace(
-            axial_stiffness=1e3 * np.arange(1, 9) / 3, pulley_radius=[0.01] + 7 * [0.0], stiffening=(1 / 3, 0),
-            center_of_mass=(0.001, 0, 0), name='a "b" c',
-        )  # fmt: skip
-    if robot == "rope":
-        one = one.replace(material="dyneema-2mm")
-    if robot == "label":
-        one = one.replace(material="fishing-0.4mm", axial_stiffness=999.0)
-    path = tmp_path / "robot.toml"
-    path.write_text(as_toml(one), encoding="utf-8")
-    read = cdpr.load_robot(path)
-    assert read.cabling.same_as(one.cabling)
-    for name in (
-        "mass",
-        "gravity",
-        "inertia",
-        "center_of_mass",
-        "platform_size",
-        "frame",
-        "workspace",
-        "name",
-    ):
-        assert np.array_equal(getattr(read, name), getattr(one, name)), name
-    assert read.material == one.material
 
 
 def test_a_front_trades_displacement_against_tilt(parallel):

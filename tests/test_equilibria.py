@@ -252,10 +252,8 @@ def test_a_problem_is_asked_like_a_robot_and_a_pose(catalogue):
         first, *others = [search(*ask) for ask in asked]
         for other in others:
             np.testing.assert_array_equal(other.pose.as_matrix(), first.pose.as_matrix())
-        with pytest.raises(cdpr.InvalidInput, match="pose: found one beside a Problem"):
-            search(problem, pose)
-        with pytest.raises(cdpr.InvalidInput, match="rest_lengths: found one beside a Problem"):
-            search(problem, None, problem.rest_lengths)
+    with pytest.raises(cdpr.InvalidInput, match="pose: found one beside a Problem"):
+        cdpr.grow_gravity(problem, pose)
     with pytest.raises(cdpr.InvalidInput, match="pose: found none"):
         cdpr.find_equilibria(robot)
 

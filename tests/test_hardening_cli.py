@@ -16,11 +16,10 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
+from cdpr_sim.cli import COMMANDS, app, terminal
 from cdpr_sim.design import search
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
-from cdpr_sim.drawing.video import writing
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
 from studies.checked_lines import line_table
@@ -202,12 +201,6 @@ def test_help_says_what_each_exit_status_means():
         assert re.search(rf" {name} +[A-Z][^.]*", text), name
 
 
-def test_version_is_the_packages_own():
-    """``cdpr-sim --version`` and ``cdpr_sim.__version__``."""
-    assert run("--version").stdout == f"cdpr-sim {cdpr.__version__}\n"
-    assert re.fullmatch(r"\d+\.\d+\.\d+.*|unknown", cdpr.__version__)
-
-
 # ------------------------------------------------------------------------------------------------------------- TABLES
 
 
@@ -287,16 +280,6 @@ def test_commands_print_a_name_as_it_is(crane, tmp_path, monkeypatch, words):
     assert "crane [v2] [bold] $x" in result.stdout
 
 
-def test_models_stays_in_its_folder(tmp_path, crane):
-    """A name cannot lead out of it."""
-    path = Path(crane)
-    path.write_text(path.read_text().replace("crane [v2] [bold] $x", "../../x"))
-    result = run("models", crane, "-o", str(tmp_path / "out" / "deeper"))
-    assert result.exit_code == 2
-    one_sentence(result, "name: found '../../x', expected a name without / and \\")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["crane.toml"]
-
-
 def test_line_tables_keep_their_digits_and_headings():
     """227.5 mm printed as 228 beside 227.50 reads as half a millimetre of deviation."""
     robot = cdpr.load_robot("cogiro")
@@ -364,13 +347,6 @@ def test_a_pose_outside_the_frame_is_one_line_beside_the_answer():
     result = run("settle", "ipanema-2", "--pose", "5", "5", "1")
     assert result.exit_code == 0, result.output
     assert result.stderr.count("cdpr-sim: warning: ipanema-2: found a commanded position beside or above") == 1
-
-
-def test_limits_are_those_of_the_film_and_the_map():
-    """What the messages above say."""
-    assert writing.MOST_ROBOTS == 6
-    assert workspace_commands.MOST_POINTS == 2000
-    assert np.isfinite(terminal.OUTSIDE)
 
 
 def test_a_store_that_is_none_is_refused_in_a_sentence(tmp_path):
