@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from test_any_cable_physics import LAW, LIGHT, MIXED, UP
+from test_any_cable_physics import DRIVE_LINES, LAW, LIGHT, MIXED, UP
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.controller import Reference
@@ -34,7 +34,7 @@ ALIKE = 0.2
 """Fraction of a platform's largest deviation from its equilibria by which two integrators may differ: 0.09 measured, in
 proportion to the time step."""
 
-EVERY = {**MIXED, "winch_to_exit": [6, 0, 3, 0, 2, 0, 0, 1], "reeving": [1, 2] * 4}
+EVERY = {**MIXED, **DRIVE_LINES}
 LINE = [(1.0, 1.0, 2.0), (0.5, 0.6, 1.8)]
 
 WOUND = {

@@ -69,7 +69,9 @@ def test_every_tolerance_counts(catalogue, monkeypatch, tolerance, method, field
         if other != tolerance:
             monkeypatch.setattr(compare, other, np.inf)
     wrong = dataclasses.replace(both[method], **{field: moved(getattr(both[method], field), amount)})
-    _, agree = compare_many(**(both | {method: wrong}))
+    wrong_pair = both | {method: wrong}
+    _, agree = compare_many(**wrong_pair)
+    assert not cdpr.compare(*(one[0] for one in wrong_pair.values())).agrees
     assert not agree[0]
     assert agree[1:].all()
 

@@ -111,5 +111,3 @@ def test_a_platform_that_fell_is_said_to_have_fallen(found):
     """And no other."""
     rows = runs_table([found[0], dataclasses.replace(found[1], fell=True)]).columns[0].cells
     assert [row.strip() for row in rows][-2:] == [RIGID, f"{RIGID_FEEDBACK}, falls"]
-
-

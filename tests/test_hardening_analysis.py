@@ -7,6 +7,7 @@ import inspect
 
 import numpy as np
 import pytest
+from sample_problems import random_problem
 from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
@@ -14,28 +15,6 @@ from cdpr_sim.analysis import equilibria
 from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.compensation_check import held
-
-
-def random_problem(seed: int) -> cdpr.Problem:
-    """A random suspended robot at a random pose, often one that no lengths hold."""
-    rng = np.random.default_rng(seed)
-    cables, planar = rng.integers(3, 11), rng.random() < 0.5
-    exits = rng.uniform([-1, -1, 0.6], [1, 1, 1.5], (cables, 3))
-    anchors = rng.uniform(-0.15, 0.15, (cables, 3))
-    center = rng.uniform(-0.05, 0.05, 3) * (rng.random() < 0.5)
-    if rng.random() < 0.3:
-        exits[-1] = exits[0]
-    pose = np.concatenate([rng.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4]), rng.uniform(-0.3, 0.3, 3)])
-    force = np.concatenate([rng.normal(size=3), np.zeros(3)]) * (rng.random() < 0.5)
-    mass, stiffness = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(3, 7)
-    if planar:
-        exits[:, 1] = anchors[:, 1] = center[1] = 0
-        pose[[1, 3, 5]] = force[1] = 0
-    robot = cdpr.Robot(
-        exits, anchors, stiffness * np.linalg.norm(exits - pose[:3] - anchors, axis=1), mass, center_of_mass=center,
-        mobility="planar" if planar else "spatial", name=f"random {seed}",
-    )  # fmt: skip
-    return cdpr.Problem.of(robot, pose, external_wrench=0.3 * robot.weight * force)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4, 201])

@@ -20,7 +20,6 @@ from cdpr_sim.cli import COMMANDS, app, terminal
 from cdpr_sim.design import search
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
-from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
 from studies.checked_lines import line_table
 
@@ -231,15 +230,6 @@ def test_no_table_cuts_anything_at_40_columns(words):
     assert result.exit_code in (0, 1)
     assert "…" not in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 40
-
-
-def test_what_a_name_says_is_no_markup():
-    """``crane [v2]`` is printed as it is called, in tables and below them, and ``[/]`` breaks nothing."""
-    table = table_style.new_table("of [v2]", "a [v3]", "b")
-    table.add_row("x", "1")
-    text = printed(table, 60)
-    assert "of [v2]" in text
-    assert "a [v3]" in text
 
 
 @pytest.fixture
