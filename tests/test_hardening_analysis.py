@@ -17,10 +17,9 @@ from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.compensation_check import held
 
 
-@pytest.mark.parametrize("seed", [0, 1, 4, 201])
-def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held(seed):
-    """Number 201 once got strains of 1200, its cables cut to a thousandth."""
-    problem = random_problem(seed)
+def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held():
+    """Number 201 once got strains of 1200, its cables cut to a thousandth; test_compensation.py asks for others."""
+    problem = random_problem(201)
     found = cdpr.compensate(problem)
     most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
     assert (found.tensions <= most * (1 + 1e-6)).all()
