@@ -103,13 +103,6 @@ def test_what_no_robot_can_be_is_refused_with_the_sensible_range(changes, words)
     sentence(refused.value)
 
 
-def test_the_lightest_robots_that_are_taken_settle():
-    """The range ends before MuJoCo's does: a milligram of a millimetre is a model that runs."""
-    small = {name: 1e-2 * np.array(SOUND[name]) for name in ("exits", "anchors")}
-    robot = cdpr.Robot(**(SOUND | small), name="gnat").replace(mass=1e-6, axial_stiffness=1e-3)
-    assert cdpr.settle(robot, robot.home).stable
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

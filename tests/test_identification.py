@@ -118,15 +118,6 @@ def test_stiffness_is_found_from_poses_that_mujoco_made(robot):
     assert other["axial_stiffness"][0] == pytest.approx(730.0 * 0.41 / 0.4, rel=1e-4)
 
 
-def test_one_stiffness_per_cable_is_found_from_mujocos_poses(robot):
-    """Eight unknowns, eight numbers right."""
-    true = robot.replace(axial_stiffness=np.linspace(700, 1300, 8))
-    settled = cdpr.settle_many(true, commanded(12))
-    poses = np.hstack([settled.poses.translation, settled.poses.rotation.as_euler("xyz")])
-    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(12), poses), ["axial_stiffness_each"])
-    assert found.values == pytest.approx(true.axial_stiffness, rel=1e-4)
-
-
 def test_standard_errors_are_as_large_as_the_errors(robot):
     """Over many noises, EA and eight rest-length offsets: errors over standard errors have squares that sum to chi².
 
