@@ -82,15 +82,6 @@ def test_robots_without_a_table_are_what_their_descriptions_say():
     np.testing.assert_allclose(pair.anchors, [[-0.051, 0, 0], [0.051, 0, 0]], rtol=1e-15)
 
 
-def test_cogiro_is_symmetric_under_a_half_turn():
-    """The paper prints A4 as a repeat of A1; the half turn about (0.4, 0.25) that the layout has mends it."""
-    robot = cdpr.load_robot("cogiro")
-    image = [4, 5, 6, 7, 0, 1, 2, 3]
-    half_turn = np.array([-1, -1, 1])
-    np.testing.assert_allclose(robot.exits[image], robot.exits * half_turn + [0.8, 0.5, 0], atol=1e-15)
-    np.testing.assert_array_equal(robot.anchors[image], robot.anchors * half_turn)
-
-
 def test_planar_vertical_is_the_projection_of_parallel():
     """Fig. 6a has no table: its cables are those of `parallel`, seen along y."""
     spatial, planar = cdpr.load_robot("parallel"), cdpr.load_robot("planar-vertical")

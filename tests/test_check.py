@@ -69,7 +69,9 @@ def test_every_tolerance_counts(catalogue, monkeypatch, tolerance, method, field
         if other != tolerance:
             monkeypatch.setattr(compare, other, np.inf)
     wrong = dataclasses.replace(both[method], **{field: moved(getattr(both[method], field), amount)})
-    verdicts = compare_many(**(both | {method: wrong})).verdicts
+    wrong_pair = both | {method: wrong}
+    verdicts = compare_many(**wrong_pair).verdicts
+    assert not cdpr.compare(*(one[0] for one in wrong_pair.values())).agrees
     assert verdicts[0] is not cdpr.Verdict.AGREE
     assert set(verdicts[1:]) == {cdpr.Verdict.AGREE}
 

@@ -25,17 +25,9 @@ def test_settle_shows_the_tilt_the_slack_cables_and_agreement():
     assert "4 of 8" in result.stdout
     assert "the two methods agree" in result.stdout
     assert "seecr/fsolve: stopped" in result.stdout  # SEECR's own outcome, honestly
-
-
-def test_settle_prints_json_that_says_the_same():
-    """SI units, one entry per method."""
-    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1", "--json")
-    values = json.loads(result.stdout)
-    assert result.exit_code == 0
+    values = json.loads(run("settle", "parallel", "--pose", "0.17", "0.25", "0.1", "--json").stdout)
     assert values["agrees"] is True
-    assert set(values["results"]) == {"mujoco", "newton", "fsolve", "least_squares"}
     assert values["results"]["fsolve"]["equilibrium"] is False
-    assert values["results"]["newton"]["tilt"] == pytest.approx(values["results"]["mujoco"]["tilt"], abs=1e-5)
 
 
 def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
@@ -52,64 +44,6 @@ def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
     result = run("settle", "parallel", "--pose", "0.38", "0.25", "0.1")
     assert result.exit_code == 1
     assert "the two methods disagree" in result.stdout
-
-
-PATH = ["--waypoint", "0.3", "0.2", "0.1", "--waypoint", "0.4", "0.2", "0.1"]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["settle", "paralel"], "cdpr-sim: unknown robot 'paralel': did you mean parallel?"),
-        (["settle", "nowhere.toml"], "cdpr-sim: nowhere.toml: no such file"),
-        (["settle", "parallel", "--material", "nylon"], "cdpr-sim: unknown material 'nylon'"),
-        (["settle", "parallel", "--pose", "nan", "0", "0"], "cdpr-sim: pose: found [nan, 0.0, 0.0], expected finite"),
-        (
-            ["settle", "parallel", "--pose", "0.1", "0.2"],
-            "--pose: found '0.1,0.2', expected three numbers X Y Z [m], or",
-        ),
-        (["settle", "parallel", "--pose", "here"], "--pose: found 'here', expected three numbers X Y Z [m], or six"),
-        (["settle", "parallel", "--mass", "-1"], "mass: found -1"),
-        (["settle", "parallel", "--wrench", "1,2"], "--wrench: found '1,2', expected six numbers"),
-        (["check", "two-cable", "--orientation", "0.1", "0", "0"], "'two-cable' is planar"),
-        (["check", "two-cable", "--wrench", "0,1,0,0,0,0"], "external_wrench: found"),
-        (["settle", "parallel", "--waypoint", "0.3,0.2,0.1"], "--waypoint: found a single one, expected at least two"),
-        (["settle", "parallel", "--waypoint=0,0", "--waypoint=1,1"], "--waypoint: found '0,0', expected three numbers"),
-        (["settle", "parallel", *PATH, "--pose", "0.3,0.2,0.1"], "--waypoint: found waypoints and --pose or --certify"),
-        (["settle", "parallel", *PATH, "--path-points", "0"], "--path-points: found 0, expected from 1 to 100000"),
-        (["check", "parallel", *PATH, "--grid", "1", "1", "1"], "poses: found them besides a grid or an orientation"),
-        (["check", "parallel", *PATH, "-o", "none.png"], "--output: found one for a path, expected a grid"),
-        (["video", "parallel", "--waypoint", "0.3", "0.2", "0.1"], "--waypoint: found a single one, expected at least"),
-        (
-            ["video", "parallel", "--waypoint", "0.3,0.2,0.1", "--waypoint", "0,0,0", "--y", "1"],
-            "--waypoint: found way",
-        ),
-        (["models", "parallel", "--damping", "much", "-o", "none"], "damping: found 'much', expected 'settle', 'none'"),
-        (["settle", "two-cable", "--pose", "0.4", "0.1", "0.2"], "'two-cable' is planar"),
-        (["settle", "parallel", "--pose", "0.4", "0.25", "2"], "falls since cables cannot push"),
-        (["solve", "parallel", "--method", "newtn"], "did you mean newton"),
-        (["solve", "parallel", "--pose", "0.285", "0.25", "0.1", "--method", "least_squares"], "stopped with"),
-        (["models", "paralel"], "unknown robot 'paralel'"),
-        (["figures", "paperline"], "unknown figure 'paperline': did you mean paper-line"),
-        (["figures", "agreement", "-o", "/dev/null/in"], "cannot be written"),
-    ],
-)
-def test_users_mistake_gets_one_sentence_and_exit_status_2(words, message):
-    """No traceback, nothing on standard output."""
-    result = run(*words)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert "Traceback" not in result.output
-    assert result.stdout == ""
-    assert len(result.stderr.strip().splitlines()) == 1
-
-
-def test_solve_prints_one_solvers_table():
-    """One column, the solver's name above it."""
-    result = run("solve", "cogiro", "--method", "fsolve")
-    assert result.exit_code == 0
-    assert "SEECR" in result.stdout
-    assert "fsolve" in result.stdout
 
 
 def test_robots_lists_robots_and_materials():

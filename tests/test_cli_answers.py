@@ -117,27 +117,3 @@ def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):
     assert result.exit_code == 1
     assert result.stdout.count("undetermined") == 2
     assert "cannot distinguish axial_stiffness and mass" in result.stdout
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["compensate", "paralel"], "did you mean parallel"),
-        (
-            ["compensate", "cogiro", "--tension-limits", "2", "1"],
-            "found a smallest tension of 2 N above the largest, 1 N",
-        ),
-        (["compensate", "cogiro", "--tension-limits", "nan", "1"], "found a smallest tension of nan N"),
-        (["compensate", "cogiro", "--prefer", "stif"], "unknown preference 'stif'"),
-        (["sensitivity", "two-cable", "--pose", "0.4", "0.1", "0.2"], "'two-cable' is planar"),
-        (["equilibria", "cogiro", "--starts", "0"], "starts: found 0"),
-        (["identify", "cogiro", "nowhere.csv"], "nowhere.csv: no such file"),
-    ],
-)
-def test_users_mistake_gets_one_sentence_and_exit_status_2(words, message):
-    """No traceback, nothing on standard output."""
-    result = run(*words)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert result.stdout == ""
-    assert len(result.stderr.strip().splitlines()) == 1

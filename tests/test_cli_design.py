@@ -89,29 +89,6 @@ def test_front_says_which_layouts_leave_the_frame():
     assert inside.warnings == ()
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--move", "exits=far"], "move: found 'exits=far', expected a name, = and a number"),
-        (["--move", "exits="], "move: found 'exits=', expected a name, = and a number"),
-        (["--within", "0,0,0,1"], "within: found '0,0,0,1', expected a number, or 2, 3 or 6 with commas"),
-        (["--within", "0,0,0.5,0.8,0.5,0"], "within: found bounds crossed for exits"),
-        (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
-        (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
-        (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' does not have"),
-        (["--grid", "2", "2", "2"], "line: found a line and a grid"),
-        (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),
-        (["--tension-limits", "100", "200"], "subject_to: found no feasible layout"),
-    ],
-)
-def test_design_refuses_in_a_sentence(words, sentence):
-    """Exit status 2, and nothing on standard output."""
-    told = run("design", "cogiro", *LINE, "--generations", "1", *words)
-    assert told.exit_code == 2
-    assert told.stdout == ""
-    assert " ".join(told.stderr.split()).startswith(f"cdpr-sim: {sentence}")
-
-
 def test_clearances_say_what_is_nearest():
     """Exit status 1 where something comes nearer than it may."""
     free, tight = (run("clearances", "cogiro", *LINE, "--min-distance", least) for least in (0.001, 0.03))

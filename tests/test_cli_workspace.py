@@ -1,7 +1,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
@@ -10,8 +9,6 @@ from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.drawing import maps
 
 runner = CliRunner()
-
-PATH = ["--waypoint", "0.3,0.25,0.2", "--waypoint", "0.5,0.25,0.2"]
 
 
 def run(*words: str):
@@ -94,35 +91,3 @@ def test_sweep_settles_what_it_keeps(tmp_path):
         settled = cdpr.settle_many(robot, poses).positions
         np.testing.assert_array_equal(swept["settled_position"].values.reshape(2, 3), settled)
         assert not np.array_equal(swept["position"].values.reshape(2, 3), settled)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["map", "paralel", "-o", "new.png"], "did you mean parallel"),
-        (["map", "parallel", "--plane", "xq", "-o", "new.png"], "plane: found 'xq'"),
-        (["map", "parallel", "--points", "1", "-o", "new.png"], "points: found 1"),
-        (["map", "parallel", "-o", "mine.png"], "exists; expected a new name, or --force"),
-        (["map", "parallel", "-o", "new.jpg"], "ends in .png"),
-        (["map", "parallel", "two-cable", "-o", "new.png"], "different workspaces"),
-        (["map", "parallel", "--tension-limits", "3", "1", "-o", "new.png"], "tau_min <= tau_max"),
-        (["map", "parallel", "--waypoint", "0.3,0.25,0.2", "-o", "new.png"], "--waypoint: found a single one"),
-        (["map", "cogiro", *PATH, "--at", "0.2", "-o", "new.png"], "--waypoint: found waypoints and --plane or --at"),
-        (["map", "cogiro", *PATH, "--orientation", "0", "0", "0.1", "-o", "new.png"], "poses: found them besides"),
-        (["check", "parallel", "--grid", "0", "1", "1"], "grid: found (0, 1, 1)"),
-        (["check", "parallel", "parallel"], "found 2 called 'parallel'"),
-        (["sweep", "parallel", "--material", "nylon"], "unknown material 'nylon'"),
-        (["sweep", "parallel", "-o", "mine.png"], "ends in .zarr or .nc"),
-    ],
-)
-def test_users_mistake_gets_one_sentence_and_exit_status_2(tmp_path, monkeypatch, words, message):
-    """No traceback, and nothing written or lost."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.png").write_text("mine")
-    result = run(*words)
-    assert result.exit_code == 2
-    assert message in result.stderr
-    assert "Traceback" not in result.output
-    assert len(result.stderr.strip().splitlines()) == 1
-    assert [entry.name for entry in tmp_path.iterdir()] == ["mine.png"]
-    assert (tmp_path / "mine.png").read_text() == "mine"

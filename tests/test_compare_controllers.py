@@ -23,7 +23,7 @@ from studies.controller_comparison import (
     run,
     tasks,
 )
-from studies.controller_comparison_figures import ROWS, controllers
+from studies.controller_comparison_figures import ROWS
 from studies.controller_tables import ropes_table, runs_table, summary_table
 
 LINE = TrackingTask("cogiro", "fishing-0.4mm", "line", 0.5)
@@ -111,18 +111,3 @@ def test_a_platform_that_fell_is_said_to_have_fallen(found):
     """And no other."""
     rows = runs_table([found[0], dataclasses.replace(found[1], fell=True)]).columns[0].cells
     assert [row.strip() for row in rows][-2:] == [RIGID, f"{RIGID_FEEDBACK}, falls"]
-
-
-def test_the_figure_shows_what_was_measured(found):
-    """Each run's points stand at its numbers."""
-    figure = controllers(found)
-    shown = {}
-    for ax in figure.axes:
-        for line in ax.get_lines():
-            if (line.get_gid() or "").startswith("rms"):
-                shown.setdefault(ax.get_title(loc="left"), []).append(float(np.asarray(line.get_xdata())[0]))
-    crossed = [1e3 * rms(one.position_errors) for one in found[:2]]
-    np.testing.assert_allclose(shown["crossed cables (cogiro): position"], crossed)
-    np.testing.assert_allclose(shown["parallel cables: position"], [1e3 * rms(found[2].position_errors)])
-    tilts = [np.degrees(rms(one.tilts)) for one in found]
-    np.testing.assert_allclose(sorted(shown["tilt"]), sorted(tilts))

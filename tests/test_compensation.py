@@ -7,7 +7,7 @@ from sample_problems import hanging_mass, paper_line, random_problems
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.compensation import TAUT
+from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN, TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.pose import distance, moved
 from cdpr_sim.report import as_json
@@ -290,6 +290,8 @@ def test_on_random_robots_mujoco_rests_where_compensation_says():
         at_rest = cdpr.settle(problem.robot, found.pose, found.rest_lengths, external_wrench=problem.external_wrench)
         assert found.equilibrium.stable
         assert at_rest.stable
+        most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
+        assert (found.tensions <= most * (1 + 1e-6)).all()
         arm = problem.robot.characteristic_length
         assert distance(at_rest.pose, found.pose, arm) < SOFT
         left = cdpr.shortfall(

@@ -498,8 +498,11 @@ def test_machine_code_is_kept_with_the_package_or_where_numba_is_told_to(places,
     assert where().name == code_cache.digest()
 
 
-def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places, monkeypatch):
-    """Installed by another user: in the cache folder of one's own; without a home, among the temporary files."""
+def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places, monkeypatch, caplog):
+    """Installed by another user: in the cache folder of one's own; without a home, among the temporary files.
+
+    Those are this user's alone, since machine code is loaded from them; that they do not last is said once.
+    """
     block(places["package"])
     assert where().is_relative_to(places["home"] / ".cache" / "cdpr_sim")
     monkeypatch.setenv("XDG_CACHE_HOME", str(places["given"]))
@@ -511,12 +514,69 @@ def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places
         block(place)
     first = where()
     assert first.parent.parent == places["temporary"]
+    assert first.parent.stat().st_mode & 0o077 == 0
     assert first == where()  # found again by the next process
-    shutil.rmtree(first.parent)
-    first.parent.write_text("somebody else's")
-    elsewhere = where()
-    assert elsewhere.parent.parent == places["temporary"]
-    assert list(elsewhere.iterdir()) == []
+    assert len(caplog.messages) == 1
+    assert "no lasting folder can be written; set NUMBA_CACHE_DIR" in caplog.messages[0]
+    first.parent.chmod(0o777)
+    for somebodys in ("folder", "file"):
+        elsewhere = where()
+        assert elsewhere.parent != first.parent
+        assert elsewhere.parent.parent == places["temporary"]
+        assert list(elsewhere.iterdir()) == []
+        if somebodys == "folder":
+            shutil.rmtree(first.parent)
+            first.parent.write_text("somebody else's")
+    monkeypatch.setattr(tempfile, "tempdir", str(places["temporary"] / "nowhere"))
+    expected = r"found no folder for compiled code that can be written to .* expected NUMBA_CACHE_DIR"
+    with pytest.raises(cdpr.StoreError, match=expected):
+        where()
+
+
+def test_a_user_without_a_home_has_none_made(places, monkeypatch):
+    """Where nobody knows whose home ``~`` is, it is no folder's name."""
+    block(places["package"])
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.chdir(places["home"])
+    where()
+    assert list(places["home"].iterdir()) == []
+
+
+COMPUTE = """
+import numpy as np
+import cdpr_sim as cdpr
+import cdpr_sim.drawing.video.raycast
+from cdpr_sim.core.compiling import Kernel
+
+def doubled(value, result):
+    result[0] = 2.0 * value
+
+robot = cdpr.load_robot("cogiro")
+print(Kernel("double", doubled, "()->()")(np.ones(1000)).sum(), cdpr.solve(robot, robot.home).stable, cdpr.__file__)
+"""
+"""Code that compiles in a second, and an import that would compile at once."""
+
+
+def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
+    """From a package and with a home that cannot be written to, not even by root: it compiles, and says where to."""
+    package = tmp_path / "site" / "cdpr_sim"
+    shutil.copytree(Path(cdpr.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "__pycache__").write_text("")
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / "compute.py").write_text(COMPUTE)
+    environment = {
+        name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
+    }
+    environment |= {"PYTHONPATH": str(package.parent), "TMPDIR": str(tmp_path / "tmp"), "HOME": "/dev/null"}
+    result = subprocess.run(
+        [sys.executable, "compute.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == ["2000.0", "True", str(package / "__init__.py")]
+    where, what = result.stderr.splitlines()
+    assert "set NUMBA_CACHE_DIR" in where
+    assert "compiles its double" in what
+    assert list((tmp_path / "tmp").rglob("*.nbi"))
 
 
 def test_code_of_other_versions_is_cleared_away(places):

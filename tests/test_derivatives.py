@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -16,7 +18,7 @@ KINK = 1e-4
 
 
 def changed(problem: cdpr.Problem, name: str, index: int, step: float) -> cdpr.Problem:
-    """``problem`` with one number of one parameter changed."""
+    """``problem`` with one number of one parameter changed. What lies on the wheels does not follow."""
     holder = problem if name in ("rest_lengths", "external_wrench") else problem.robot
     value = np.array(getattr(holder, name), dtype=float)
     value.reshape(-1)[index] += step
@@ -27,6 +29,7 @@ def changed(problem: cdpr.Problem, name: str, index: int, step: float) -> cdpr.P
         wrench = value
     else:
         robot = robot.replace(**{name: value if value.ndim else float(value)})
+        robot.__dict__["wrapped_lengths"] = problem.robot.wrapped_lengths
     return cdpr.Problem(robot, problem.pose, rest, wrench)
 
 
@@ -44,24 +47,30 @@ def stretched(problem: cdpr.Problem, torque: bool = True) -> cdpr.Problem:
     return changed
 
 
+def by_step(problem: cdpr.Problem, quantity: Callable[[forces.State], np.ndarray], size: float = 1e-6) -> np.ndarray:
+    """Central differences of what is computed from the forces, by a shift along and a rotation about each axis."""
+
+    def there(step: np.ndarray) -> np.ndarray:
+        pose = moved(problem.pose, step)
+        return quantity(forces.at(problem, pose.translation, pose.rotation.as_matrix()))
+
+    return np.array([(there(size * unit) - there(-size * unit)) / (2 * size) for unit in np.eye(6)]).T
+
+
 @settings(max_examples=40)
 @given(random_problems())
-def test_slope_of_the_wrench_is_exact_out_of_balance_and_under_a_torque(problem):
-    """Against central differences, at poses that are no equilibria: there the slope is not symmetric."""
+def test_slopes_of_wrench_and_tensions_are_exact_out_of_balance_and_under_a_torque(problem):
+    """Against central differences, at poses that are no equilibria: there the wrench's slope is not symmetric."""
     problem = stretched(problem)
     state = at(problem)
-    exact = derivatives.wrench_slope(state)
-
-    def wrench(step):
-        pose = moved(problem.pose, step)
-        return forces.at(problem, pose.translation, pose.rotation.as_matrix()).net_wrench
-
-    differenced = np.array([(wrench(1e-6 * d) - wrench(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
+    exact, differenced = derivatives.wrench_slope(state), by_step(problem, lambda state: state.net_wrench)
     assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
     # Negative control: without the term that makes it unsymmetric, the differences show it.
     torque = state.net_wrench[3:] - problem.external_wrench[3:]
     if np.abs(torque).max() > 1e2 * SLOPE * np.abs(exact).max():
         assert np.abs(-state.stiffness_matrix - differenced).max() > SLOPE * np.abs(exact).max()
+    exact = derivatives.tension_by_pose(state)
+    assert np.abs(exact - by_step(problem, lambda state: state.tensions)).max() <= SLOPE * np.abs(exact).max()
 
 
 @settings(max_examples=20)
@@ -70,14 +79,8 @@ def test_slope_at_fixed_tensions_is_that_of_cables_without_elasticity(problem):
     """Against central differences of W tau + w_e with tau as it is."""
     problem = stretched(problem)
     state = at(problem)
-
-    def wrench(step):
-        pose = moved(problem.pose, step)
-        other = forces.at(problem, pose.translation, pose.rotation.as_matrix())
-        return other.wrench_matrix @ state.tensions + other.load_wrench
-
     exact, _ = derivatives.wrench_under_tensions(state)
-    differenced = np.array([(wrench(1e-6 * d) - wrench(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
+    differenced = by_step(problem, lambda other: other.wrench_matrix @ state.tensions + other.load_wrench)
     # What is left is small beside the elastic part that was taken off, whose rounding stays.
     assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max() + 1e-12 * state.tangent_stiffness.max()
 
@@ -111,32 +114,22 @@ def test_wrench_and_tensions_by_parameter_are_exact(problem):
             assert np.abs(exact - differenced).max() <= 10 * SLOPE * scale, (name, index)
 
 
-@settings(max_examples=20)
-@given(random_problems())
-def test_tensions_by_pose_are_exact(problem):
-    """Against central differences in all six directions."""
-    problem = stretched(problem)
-
-    def tensions(step):
-        pose = moved(problem.pose, step)
-        return forces.at(problem, pose.translation, pose.rotation.as_matrix()).tensions
-
-    exact = derivatives.tension_by_pose(at(problem))
-    differenced = np.array([(tensions(1e-6 * d) - tensions(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
-    assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
-
-
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(8))
 def test_derivatives_of_cables_of_every_kind_are_exact(seed):
-    """Of robots that mix wheels, masses and laws, taut and slack: every column of every parameter, and the pose's."""
+    """Of robots that mix wheels, laws, drive lines and, each second one, masses: energy, every parameter, the pose.
+
+    Taut and slack cables, out of balance and under a torque, which has no energy.
+    """
     random = np.random.default_rng(seed)
     robot = cdpr.load_robot("cogiro").replace(
-        axial_stiffness=10 ** random.uniform(3, 4, 8), linear_density=0.01 * (random.random(8) < 0.8),
+        axial_stiffness=10 ** random.uniform(3, 4, 8), linear_density=0.01 * (random.random(8) < 0.8) * (seed % 2),
         pulley_radius=0.02 * (random.random(8) < 0.6),
         stiffening=np.array([20.0, 500.0]) * (random.random((8, 1)) < 0.6),
+        winch_to_exit=random.uniform(0, 0.8, 8) * (random.random(8) < 0.5), reeving=random.integers(1, 4, 8),
     )  # fmt: skip
-    pose = (0.2, 0.25, 0.15, 0.05, -0.03, 0.1)
-    problem = cdpr.Problem.of(robot, pose, robot.rest_lengths(pose) * random.choice([0.97, 0.999, 1.02], 8))
+    pose, torque = (0.2, 0.25, 0.15, 0.05, -0.03, 0.1), np.array([0, 0, 0, 0, 0.01, 0.02])
+    rest = robot.rest_lengths(pose) * random.choice([0.97, 0.999, 1.02], 8)
+    problem = cdpr.Problem.of(robot, pose, rest, [0.1, -0.2, 0.3, *torque[3:]])
     state = at(problem)
 
     def both(name: str, index: int, step: float) -> np.ndarray:
@@ -144,12 +137,9 @@ def test_derivatives_of_cables_of_every_kind_are_exact(seed):
         return np.concatenate([other.net_wrench, other.tensions])
 
     wrenches, tensions = derivatives.wrench_by_parameter(state), derivatives.tension_by_parameter(state)
-    assert (
-        set(wrenches)
-        == set(tensions)
-        == set(derivatives.parameters(robot))
-        == {*derivatives.PARAMETERS, "pulley_radius", "linear_density", "stiffening"}
-    )
+    of_kinds = {"pulley_radius", "stiffening", "winch_to_exit"} | ({"linear_density"} if seed % 2 else set())
+    every = {*derivatives.PARAMETERS, *of_kinds}
+    assert set(wrenches) == set(tensions) == set(derivatives.parameters(robot)) == every
     sizes = {
         "axial_stiffness": 0.1, "mass": 0.01, "external_wrench": 1e-3, "linear_density": 1e-5, "stiffening": 0.1
     }  # fmt: skip
@@ -161,20 +151,18 @@ def test_derivatives_of_cables_of_every_kind_are_exact(seed):
                 continue
             exact = np.concatenate([wrench[:, index], tensions[name][:, index]])
             steps, weights = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
-            if name == "linear_density" and robot.linear_density[index] == 0:  # to one side
+            zero = name in ("linear_density", "winch_to_exit") and getattr(robot, name)[index] == 0
+            if zero:  # to one side
                 steps, weights = (0, 1, 2, 3, 4), (-25 / 12, 4, -3, 4 / 3, -1 / 4)
             there = [both(name, index, step * size) for step in steps]
             differenced = sum(w * one for w, one in zip(weights, there, strict=True)) / size
             assert np.abs(exact - differenced).max() <= 10 * SLOPE * scale, (name, index)
 
-    def there(step):
-        moved_to = moved(problem.pose, step)
-        other = forces.at(problem, moved_to.translation, moved_to.rotation.as_matrix())
-        return np.concatenate([other.net_wrench, other.tensions])
-
-    differenced = np.array([(there(1e-6 * d) - there(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
     exact = np.vstack([derivatives.wrench_slope(state), derivatives.tension_by_pose(state)])
+    differenced = by_step(problem, lambda state: np.concatenate([state.net_wrench, state.tensions]))
     assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
+    by_energy = -by_step(problem, lambda state: np.array([state.energy])).ravel()
+    assert np.abs(by_energy + torque - state.net_wrench).max() <= SLOPE * np.abs(state.net_wrench).max()
 
 
 def test_derivatives_at_many_poses_are_those_at_each():

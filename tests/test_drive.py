@@ -128,20 +128,6 @@ def test_a_platform_let_go_drops_from_where_it_was_commanded():
     np.testing.assert_array_equal(trajectory.slack[-1], rest.slack)
 
 
-def test_what_a_trajectory_says_of_itself():
-    """Tilts and deviations are those of the poses, state by state."""
-    robot = load_robot("parallel")
-    trajectory = drive(robot, LINE, states=5, seconds=20.0)
-    settled = settle_many(robot, trajectory.commanded)
-    for step in (0, 2):  # there the command stands still, and here the robot is level
-        rest = settled[step]
-        assert trajectory.tilt[step] == pytest.approx(rest.tilt, abs=0.05)
-        np.testing.assert_allclose(trajectory.deviation[step], rest.deviation, atol=5e-3)
-    assert trajectory.tilt[0] > 0.3
-    with pytest.raises(ValueError, match="read-only"):
-        trajectory.tensions[0] = 0
-
-
 def test_a_platform_that_falls_is_said_to_fall():
     """Three cables on one side cannot hold a platform beside them: it swings away, and the motion so far is kept."""
     robot = Robot(

@@ -15,7 +15,6 @@ from matplotlib.text import Text
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.drawing import axes, cable_curves, style
-from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import gallery
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
@@ -24,6 +23,8 @@ from cdpr_sim.studies import real_cables as real_cables_studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import tilt_condition as balance
 from cdpr_sim.studies import two_cable as two_cable_studies
+from studies.compensated_line import CompensatedLine
+from studies.compensation_figures import draw_compensation
 
 ON_LINE = 1e-7
 """A point's distance from a line, as a fraction of the line's range: 1.5e-9 measured, since each settled row has a
@@ -295,32 +296,6 @@ def test_the_papers_line_is_drawn_from_both_methods(results):
     assert reported[2:] == [pytest.approx([-20.0, 20.0])] * 2
 
 
-def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
-    """Fig. 3: a curve per command through the solver's positions, and MuJoCo's among them."""
-    study = results["two-cable-manifold"]
-    figure = two_cable_studies.draw_manifold(study)
-    drift = np.array([equilibria.positions for equilibria in study.static])
-    shown = np.concatenate([line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_gid() == "mujoco"])
-    for command in range(len(study.static[0])):
-        curve = artist(figure, f"static {command}").get_xydata()
-        assert np.array_equal(curve, drift[:, command][:, [0, 2]])
-        for equilibria in study.settled:
-            point = equilibria.positions[command, [0, 2]]
-            assert np.linalg.norm(shown - point, axis=1).min() == 0
-            assert np.linalg.norm(curve - point, axis=1).min() < 1e-6
-
-
-def test_closed_forms_are_drawn_against_the_solver(results):
-    """Eq. 5, 6: the errors that are drawn are those of the results."""
-    study = results["two-cable-closed-form"]
-    figure = two_cable_studies.draw_closed_form(study)
-    static = study.line.static
-    short = [two_cable_closed_form.short_bar_rotation(static.robot, position) for position in static.positions]
-    error = np.degrees(short - static.euler[:, 1])
-    assert artist(figure, "short-bar error").get_ydata() == pytest.approx(error, abs=1e-12)
-    assert distance_from_line(artist(figure, "mujoco"), artist(figure, "static")) < ON_LINE
-
-
 def test_tilt_condition_marks_where_the_forces_meet(results):
     """Fig. 9: one meeting point per case, at its place, and the moment in words."""
     cases = results["tilt-condition"]
@@ -344,25 +319,11 @@ def test_static_feasible_workspace_is_drawn_where_linear_programming_finds_it(re
     assert not any(feasible_by_linprog(robot, [x, 0.25, 0.1]) for x in (first - step, last + step))
 
 
-def test_convergence_is_drawn_as_counted(results):
-    """Shares in per cent, medians in milliseconds."""
-    study = results["convergence"]
-    figure = solver_studies.draw_convergence(study)
-    for method, solved in study.solved.items():
-        assert np.array_equal(artist(figure, method).get_ydata(), 100 * solved / study.poses)
-    assert "EA = 10 kN, Newton solves 100 %, fsolve" in figure.get_suptitle()
-    assert artist(figure, "compiled").get_ydata() == pytest.approx(1e3 * study.compiled_seconds)
-
-
-def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
-    """Every held pose is in a curve; and where the methods disagree the title says so."""
+def test_agreement_is_named_as_judged(results):
+    """Where the methods disagree the title says so."""
     measured = results["agreement"]
-    figure = solver_studies.draw_agreement(measured)
+    assert "agree at all 24 poses" in solver_studies.draw_agreement(measured).get_suptitle()
     disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL, cdpr.Verdict.AGREE
-    for name, agreements in measured.items():
-        held = [one.position_error for one in agreements if one.verdict is not free]
-        assert np.array_equal(artist(figure, name).get_xdata(), np.sort(held))
-    assert "agree at all 24 poses" in figure.get_suptitle()
     for verdicts, title in (
         ([disagree] * 12, "agree at 12 of 24 poses; at 12 they disagree"),
         ([free] * 4 + [agree] * 8, "agree at 20 of 24 poses; 4 are neutrally stable"),
@@ -371,3 +332,14 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
         pairs = zip(measured["parallel"], verdicts, strict=True)
         others = measured | {"parallel": [dataclasses.replace(one, verdict=verdict) for one, verdict in pairs]}
         assert title in solver_studies.draw_agreement(others).get_suptitle().replace("\n", " ")
+
+
+def test_where_no_lengths_hold_the_pose_is_shaded():
+    """A column for each robot; on the crossed cables no pose is out of reach, on the parallel ones some are."""
+    lines, poses = [], [(x, 0.25, 0.1) for x in (0.2, 0.3, 0.4)]
+    for robot in map(cdpr.load_robot, ("cogiro", "parallel")):
+        held, at_rest = ([ask(robot, pose) for pose in poses] for ask in (cdpr.compensate, cdpr.solve))
+        lines.append(CompensatedLine(robot.name, at_rest, at_rest, at_rest, at_rest, held))
+    out_of_reach = [sum(not one.exact for one in line.compensations) for line in lines]
+    assert out_of_reach[0] == 0 < out_of_reach[1]
+    assert [len(ax.patches) for ax in draw_compensation(lines).axes[:2]] == out_of_reach

@@ -7,7 +7,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+from typer.testing import CliRunner
+
 import cdpr_sim as cdpr
+from cdpr_sim.cli import app
 
 ROOT = Path(cdpr.__file__).parents[1]
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
@@ -34,6 +37,7 @@ def test_the_version_is_that_of_the_metadata_and_costs_no_import():
     assert heavy == "False"
     assert version in (VERSION, "unknown")
     assert cdpr.__version__ == version
+    assert CliRunner().invoke(app, ["--version"]).stdout == f"cdpr-sim {version}\n"
 
 
 def test_the_citation_names_the_version_and_the_paper():

@@ -1,20 +1,14 @@
 """Robots that cannot be or are hardly meant, machines that lend no folder, and requests that cannot fit."""
 
-import os
 import re
-import shutil
-import subprocess
-import sys
-import tempfile
 import time
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import checks, code_cache
+from cdpr_sim.core import checks
 from cdpr_sim.design.layout_equilibria import Cases
 
 SOUND = dict(
@@ -107,13 +101,6 @@ def test_what_no_robot_can_be_is_refused_with_the_sensible_range(changes, words)
     with pytest.raises(cdpr.CdprError, match=re.escape(words)) as refused:
         cdpr.Robot(**(SOUND | changes))
     sentence(refused.value)
-
-
-def test_the_lightest_robots_that_are_taken_settle():
-    """The range ends before MuJoCo's does: a milligram of a millimetre is a model that runs."""
-    small = {name: 1e-2 * np.array(SOUND[name]) for name in ("exits", "anchors")}
-    robot = cdpr.Robot(**(SOUND | small), name="gnat").replace(mass=1e-6, axial_stiffness=1e-3)
-    assert cdpr.settle(robot, robot.home).stable
 
 
 @pytest.mark.parametrize(
@@ -322,120 +309,3 @@ upper = {mm(robot.workspace[1])}
     path.write_text(text.replace('"mm"', '"inch"'))
     with pytest.raises(cdpr.RobotFileError, match=re.escape("units: found 'inch': Input should be 'm' or 'mm'")):
         cdpr.load_robot(path)
-
-
-# ----------------------------------------------------------------------------------------------------- COMPILED CODE
-
-FORK = """
-import multiprocessing, sys
-import cdpr_sim as cdpr
-robot = cdpr.load_robot("cogiro")
-many = [robot.home] * 100  # so many that they are compiled
-cdpr.solve_many(robot, many)
-def child(): sys.exit(0 if cdpr.feasible(robot, many).all() else 1)
-if __name__ == "__main__":
-    process = multiprocessing.get_context("fork").Process(target=child)
-    process.start()
-    process.join(120)
-    sys.exit(process.exitcode)
-"""
-
-COMPUTE = """
-import numpy as np
-import cdpr_sim as cdpr
-import cdpr_sim.drawing.video.raycast
-from cdpr_sim.core.compiling import Kernel
-
-def doubled(value, result):
-    result[0] = 2.0 * value
-
-robot = cdpr.load_robot("cogiro")
-print(Kernel("double", doubled, "()->()")(np.ones(1000)).sum(), cdpr.solve(robot, robot.home).stable, cdpr.__file__)
-"""
-"""Code that compiles in a second, and an import that would compile at once."""
-
-
-def python(text: str, **environment: str) -> subprocess.CompletedProcess:
-    """A program of its own."""
-    here = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])} | environment
-    return subprocess.run([sys.executable, "-c", text], env=here, capture_output=True, text=True, timeout=600)
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is nothing to inherit")
-def test_a_forked_child_compiles_for_itself():
-    """It died of the lock that it inherited from its parent."""
-    result = python(FORK)
-    assert result.returncode == 0, result.stderr
-
-
-@pytest.fixture
-def no_lasting_folder(tmp_path, monkeypatch):
-    """A package and a home that are files, in which not even root makes a folder; and a place for temporary files."""
-    (tmp_path / "file").write_text("")
-    (tmp_path / "tmp").mkdir()
-    monkeypatch.setattr(code_cache, "_PACKAGE", tmp_path / "file")
-    monkeypatch.setattr(code_cache, "digest", lambda: "0123")
-    monkeypatch.setenv("HOME", str(tmp_path / "file"))
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
-    return tmp_path / "tmp"
-
-
-def test_without_a_lasting_folder_code_is_kept_in_a_temporary_one_and_that_is_said_once(no_lasting_folder, caplog):
-    """A system install, a container with a foreign user."""
-    folder = code_cache.folder.__wrapped__()
-    assert folder.is_relative_to(no_lasting_folder)
-    assert folder.parent.stat().st_mode & 0o077 == 0
-    assert len(caplog.messages) == 1
-    assert "no lasting folder can be written; set NUMBA_CACHE_DIR" in caplog.messages[0]
-    assert code_cache.folder.__wrapped__() == folder
-    assert len(caplog.messages) == 1
-
-
-def test_a_temporary_folder_that_others_can_write_to_is_not_trusted(no_lasting_folder):
-    """Machine code is loaded from it."""
-    folder = code_cache.folder.__wrapped__()
-    folder.parent.chmod(0o777)
-    other = code_cache.folder.__wrapped__()
-    assert other.parent != folder.parent
-    assert other.is_relative_to(no_lasting_folder)
-
-
-def test_without_any_folder_it_is_one_sentence(no_lasting_folder, monkeypatch):
-    """No traceback of Numba's: cannot cache function, no locator available."""
-    monkeypatch.setattr(tempfile, "tempdir", str(no_lasting_folder / "nowhere"))
-    with pytest.raises(
-        cdpr.StoreError, match=r"found no folder for compiled code that can be written to .* expected NUMBA_CACHE_DIR"
-    ):
-        code_cache.folder.__wrapped__()
-
-
-def test_a_user_without_a_home_has_none_made(no_lasting_folder, monkeypatch):
-    """Where nobody knows whose home ``~`` is, it is no folder's name."""
-    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
-    monkeypatch.chdir(no_lasting_folder)
-    code_cache.folder.__wrapped__()
-    assert not (no_lasting_folder / "~").exists()
-
-
-def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
-    """From a package and with a home that cannot be written to, not even by root: it compiles, and says where to."""
-    package = tmp_path / "site" / "cdpr_sim"
-    shutil.copytree(Path(cdpr.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "__pycache__").write_text("")
-    (tmp_path / "tmp").mkdir()
-    (tmp_path / "compute.py").write_text(COMPUTE)
-    environment = {
-        name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
-    }
-    environment |= {"PYTHONPATH": str(package.parent), "TMPDIR": str(tmp_path / "tmp"), "HOME": "/dev/null"}
-    result = subprocess.run(
-        [sys.executable, "compute.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600
-    )
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.split() == ["2000.0", "True", str(package / "__init__.py")]
-    where, what = result.stderr.splitlines()
-    assert "set NUMBA_CACHE_DIR" in where
-    assert "compiles its double" in what
-    assert list((tmp_path / "tmp").rglob("*.nbi"))

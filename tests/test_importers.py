@@ -1,6 +1,7 @@
 """Robots of other projects: one crane of our own, written in each format, and all that can be wrong with such files."""
 
 import importlib.util
+import inspect
 import itertools
 import json
 import re
@@ -223,24 +224,38 @@ def test_a_written_robot_file_reads_back_as_the_same_robot(name, tmp_path):
     assert all(f"# {note}" in place.read_text(encoding="utf-8") for note in robot.notes)
 
 
-def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
-    """Own values per cable, a slanted axis, a planar robot without gravity, letters that need care."""
-    robot = cdpr.Robot(
-        exits=[[0, 0, 1], [1, 0, 1.1]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3]], axial_stiffness=[1e3, 2e4], mass=0.1,
-        pulley_radius=[0.01, 0], force_min=[1, 2], force_max=[np.inf, 50], material="own rope",
-        breaking_load=[90, np.inf],
-        pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
-        mobility="planar", gravity=0, name="a \"b\" 'c' é", description='tab\tand "quote" and new\nline', source="π",
-        frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
-    )  # fmt: skip
+EVERYTHING = dict(
+    exits=[[0, 0, 1], [1, 0, 1.1], [1 / 7, 0, 1.2]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3], [0, 0, 0.1]],
+    axial_stiffness=[1e3, 2e4, 3e3 / 7], mass=0.1, linear_density=[0, 0.01, 0], pulley_radius=[0.01, 0, 0],
+    pulley_axis=[[0.3, 0, 0.7], [1, 0, 0], [0, 0, 1]], stiffening=[(1, 2), (1 / 3, 0), (0, 0)], force_min=[1, 2, 0],
+    force_max=[np.inf, 50, 60], breaking_load=[90, np.inf, 70], winch_to_exit=[0.3, 0, 1 / 7], reeving=[1, 2, 3],
+    pulley_friction=[0.02, 0, 0], hysteresis=[[(0.1, 5e-5)], [], []], creep=[[(4e4, 60.0)], [], []],
+    center_of_mass=(0.001, 0, 0.002), inertia=[[0.03, 0.001, 0], [0.001, 0.04, 0.003], [0, 0.003, 0.05]],
+    mobility="planar", gravity=1 / 3, name="a \"b\" 'c' é", platform_size=(0.2, 0.1, 0.05),
+    frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], material="own rope",
+    description='tab\tand "quote" and new\nline', source="π", notes=("a remark",),
+)  # fmt: skip
+"""Each field of a robot, with numbers of its own, and letters that need care."""
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"mobility": "spatial"}, {"gravity": 0.0}, {"material": "dyneema-2mm"},
+     {"material": "fishing-0.4mm", "axial_stiffness": 999.0}],
+    ids=str,
+)  # fmt: skip
+def test_a_robot_with_all_there_is_reads_back_as_the_same(changes, tmp_path):
+    """Every field to the last bit; materials by name where they have one, and notes as remarks."""
+    fields = inspect.signature(cdpr.Robot).parameters
+    assert all(EVERYTHING[name] is not None and EVERYTHING[name] != one.default for name, one in fields.items())
+    robot = cdpr.Robot(**EVERYTHING).replace(**changes)
     place = tmp_path / "all.toml"
     place.write_text(as_toml(robot), encoding="utf-8")
     again = cdpr.load_robot(place)
+    for name in set(fields) - {"notes"}:
+        np.testing.assert_array_equal(getattr(again, name), getattr(robot, name), err_msg=name)
     assert again.cabling.same_as(robot.cabling)
-    assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)
-    assert (again.material, again.force_min.tolist(), again.force_max.tolist()) == ("own rope", [1, 2], [np.inf, 50])
-    assert again.breaking_load.tolist() == [90, np.inf]
-    assert np.array_equal(again.workspace, robot.workspace)
+    assert "# a remark" in place.read_text(encoding="utf-8")
 
 
 def test_an_axis_of_length_one_is_kept_to_the_last_bit():
