@@ -84,18 +84,6 @@ def test_a_mass_on_one_cable_bounces_at_the_spring_frequency():
     assert modes.frequencies[0] < 1e-3
 
 
-def test_modes_are_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(catalogue):
-    """The same answer, and nothing is taken beside what is ready."""
-    robot, pose, wrench = catalogue["cogiro"], (0.3, 0.2, 0.1), [0.1, 0, 0, 0, 0, 0]
-    asked = cdpr.natural_modes(robot, pose, external_wrench=wrench)
-    problem = cdpr.Problem.of(robot, pose, external_wrench=wrench)
-    for ready in (problem, cdpr.solve(problem)):
-        np.testing.assert_array_equal(cdpr.natural_modes(ready).frequencies, asked.frequencies)
-        for beside in ({"pose": pose}, {"rest_lengths": problem.rest_lengths}, {"external_wrench": wrench}):
-            with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a"):
-                cdpr.natural_modes(ready, **beside)
-
-
 def test_a_platform_does_not_swing_about_a_saddle(catalogue):
     """It would leave: one sentence."""
     robot = catalogue["planar-horizontal"]

@@ -32,15 +32,6 @@ def balanced(problem: cdpr.Problem) -> float:
     return 2 * (FORCE_TOLERANCE * problem.load + ROUNDING * stiffest * size)
 
 
-def test_hanging_mass_rests_where_its_cable_carries_it():
-    """Stretch m g l0/EA, tension m g."""
-    problem = hanging_mass()
-    result = newton.solve(problem)
-    stretch = problem.robot.weight * problem.rest_lengths[0] / problem.robot.axial_stiffness[0]
-    np.testing.assert_allclose(result.position, problem.pose.translation - [0, 0, stretch], atol=POSITION)
-    np.testing.assert_allclose(result.tensions, problem.robot.weight, rtol=1e-8)
-
-
 def test_hanging_mass_may_spin_freely_and_says_so():
     """One vertical cable through the centre of mass holds no rotation about itself."""
     result = newton.solve(hanging_mass())
@@ -76,7 +67,7 @@ def test_every_random_robot_finds_a_rest_below_its_start(problem):
     assert (result.slack == (result.lengths <= result.rest_lengths)).all()
 
 
-def top_heavy() -> cdpr.Problem:
+def top_heavy(linear_density: float = 0.0) -> cdpr.Problem:
     """A bar on two vertical cables with its centre of mass above them: level it balances on a saddle."""
     robot = cdpr.Robot(
         exits=[[-0.1, 0, 1], [0.1, 0, 1]],
@@ -85,14 +76,16 @@ def top_heavy() -> cdpr.Problem:
         axial_stiffness=50.0,  # 2 EA/l0 b² = 1 N m/rad against m g h = 2 N m/rad
         mass=1.0,
         mobility="planar",
+        linear_density=linear_density,
         name="top heavy",
     )
     return cdpr.Problem.of(robot, (0, 0, 0))
 
 
-def test_solver_leaves_a_saddle_for_a_stable_equilibrium():
+@pytest.mark.parametrize("linear_density", [0.0, 0.01])
+def test_solver_leaves_a_saddle_for_a_stable_equilibrium(linear_density):
     """SEECR stops at the level saddle and reports it as one; ours goes on downhill and turns over."""
-    problem = top_heavy()
+    problem = top_heavy(linear_density)
     saddle = cdpr.solve(problem.robot, problem.pose, method="fsolve")
     assert saddle.stability is cdpr.Stability.UNSTABLE
     assert saddle.tilt < 1e-6
@@ -165,42 +158,11 @@ def test_one_call_broadcasts_and_equals_single_solves(catalogue):
                 assert many.iterations[i, j, k] == one.iterations
 
 
-def test_one_stiffness_per_cable_is_told_from_one_per_pose(catalogue):
-    """(..., cables) and (...) are told apart by the last dimension."""
-    robot = catalogue["parallel"]
-    per_cable = np.linspace(5e3, 2e4, robot.cables)
-    many = newton.solve_many(robot, [0.3, 0.25, 0.1], axial_stiffness=per_cable)
-    one = cdpr.solve(robot.replace(axial_stiffness=per_cable), [0.3, 0.25, 0.1])
-    np.testing.assert_allclose(many.positions, one.position, rtol=0, atol=SAME)
-
-
-def test_robots_broadcast_in_the_compiled_solver(catalogue):
-    """Two layouts x three masses in one call of the gufunc, each as if solved alone."""
-    robots = [catalogue["cogiro"], catalogue["parallel"]]
-    masses, pose = np.array([0.2, 0.4, 0.8]), np.array([0.3, 0.25, 0.1])
-    position, *_, status = EQUILIBRIA[0](
-        np.array([robot.cabling.packed for robot in robots])[:, None],
-        np.array([robot.rest_lengths(pose) for robot in robots])[:, None],
-        masses * robots[0].gravity,
-        np.zeros(3),
-        np.zeros(6),
-        np.ones(6),
-        robots[0].characteristic_length,
-        pose,
-        np.eye(3),
-    )
-    assert position.shape == (2, 3, 3)
-    assert (status == cdpr.Status.CONVERGED).all()
-    for i, robot in enumerate(robots):
-        for j, mass in enumerate(masses):
-            one = cdpr.solve(robot.replace(mass=mass), pose)
-            np.testing.assert_allclose(position[i, j], one.position, rtol=0, atol=POSITION)
-
-
-def test_pose_that_is_not_a_number_is_not_filled_in(catalogue):
+@pytest.mark.parametrize("linear_density", [0.0, 5e-4])
+def test_pose_that_is_not_a_number_is_not_filled_in(catalogue, linear_density):
     """nan in, nan and a status out; its neighbours are solved."""
     positions = [[0.3, 0.25, 0.1], [np.nan, 0.25, 0.1]]
-    many = newton.solve_many(catalogue["parallel"], positions)
+    many = newton.solve_many(catalogue["parallel"].replace(linear_density=linear_density), positions)
     assert many.status.tolist() == [cdpr.Status.CONVERGED, cdpr.Status.NOT_FINITE]
     assert np.isnan(many.residuals[1])
 
@@ -214,61 +176,47 @@ def test_torque_that_nothing_resists_is_not_converged():
     assert error.value.equilibrium.residual > 1
 
 
-def test_external_force_and_torque_are_balanced(catalogue):
-    """Pushed and turned, a planar platform moves with the push, and forces balance."""
-    robot = catalogue["planar-vertical"]
-    free = cdpr.solve(robot, (0.4, 0, 0.2))
-    pushed = cdpr.solve(robot, (0.4, 0, 0.2), external_wrench=[0.5, 0, 0, 0, 0.01, 0])
-    assert pushed.residual < 1e-8
-    assert pushed.position[0] > free.position[0]
-    assert pushed.euler[1] > free.euler[1]
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+UNCHANGED = dict(order=np.arange(8), world=np.eye(3), platform=np.eye(3), shift=np.zeros(3), scale=1.0)
+
+INVARIANCES = {
+    "order of cables": dict(order=np.arange(8)[::-1]),
+    "place and heading": dict(world=Rotation.from_rotvec([0, 0, 0.7]).as_matrix(), shift=np.array([3.0, -2.0, 1.0])),
+    "mirror image": dict(world=MIRROR, platform=MIRROR),
+    "metres in hundreds": dict(scale=1e-2),
+    "millimetres": dict(scale=1e3),
+}
+"""What cannot matter: exits and poses in another world, anchors in another platform, with the same forces."""
+
+EVERY_PROPERTY = dict(
+    linear_density=[5e-4] * 7 + [0], pulley_radius=np.linspace(0, 0.014, 8), pulley_axis=(0.1, 0.2, -1),
+    stiffening=[(0, 0)] * 3 + [(100, 2e4)] * 5, winch_to_exit=[0.5, 0] * 4, reeving=[1, 2, 1, 1, 3, 1, 1, 2],
+)  # fmt: skip
 
 
-class TestInvariances:
-    """What cannot matter does not: order, place, heading, mirror image and units."""
-
-    ROBOT = "parallel"
-    POSE = (0.2, 0.2, 0.12)
-
-    @pytest.fixture
-    def robot(self, catalogue):
-        return catalogue[self.ROBOT]
-
-    @pytest.fixture
-    def result(self, robot):
-        return cdpr.solve(robot, self.POSE)
-
-    def test_order_of_cables(self, robot, result):
-        """Cables reversed: the same pose, tensions reversed."""
-        other = cdpr.solve(robot.replace(exits=robot.exits[::-1], anchors=robot.anchors[::-1]), self.POSE)
-        np.testing.assert_allclose(other.position, result.position, atol=POSITION)
-        np.testing.assert_allclose(other.tensions[::-1], result.tensions, atol=1e-6)
-
-    def test_place_and_heading_of_the_world(self, robot, result):
-        """The world moved and turned about the vertical: the result moves and turns with it."""
-        turn, shift = Rotation.from_rotvec([0, 0, 0.7]), np.array([3.0, -2.0, 1.0])
-        moved = robot.replace(exits=turn.apply(robot.exits.copy()) + shift)
-        start = RigidTransform.from_components(turn.apply(self.POSE) + shift, turn)
-        other = cdpr.solve(moved, start)
-        np.testing.assert_allclose(other.position, turn.apply(result.position) + shift, atol=POSITION)
-        assert (other.rotation.inv() * turn * result.rotation).magnitude() < 1e-7
-
-    def test_mirror_image(self, robot, result):
-        """Mirrored in the x-z plane: y and the rotations about x and z change sign."""
-        mirror = np.array([1, -1, 1])
-        other = cdpr.solve(
-            robot.replace(exits=robot.exits * mirror, anchors=robot.anchors * mirror), self.POSE * mirror
-        )
-        np.testing.assert_allclose(other.position, result.position * mirror, atol=POSITION)
-        np.testing.assert_allclose(other.rotation.as_rotvec(), result.rotation.as_rotvec() * -mirror, atol=1e-7)
-
-    @pytest.mark.parametrize("scale", [1e-2, 1e3])
-    def test_units_of_length(self, robot, result, scale):
-        """In other units of length, with the same forces, the pose scales."""
-        scaled = robot.replace(exits=robot.exits * scale, anchors=robot.anchors * scale)
-        other = cdpr.solve(scaled, np.array(self.POSE) * scale)
-        np.testing.assert_allclose(other.position, result.position * scale, rtol=0, atol=POSITION * scale)
-        np.testing.assert_allclose(other.tensions, result.tensions, atol=1e-6)
+@pytest.mark.parametrize("changes", [{}, EVERY_PROPERTY], ids=["plain", "every property"])
+@pytest.mark.parametrize("what", INVARIANCES)
+def test_what_cannot_matter_does_not(catalogue, what, changes):
+    """Order, place, heading, mirror image and units, of plain cables, four of them slack, and of all others."""
+    robot, pose = catalogue["parallel"].replace(**changes), np.array([0.2, 0.2, 0.12])
+    order, world, platform, shift, scale = (UNCHANGED | INVARIANCES[what]).values()
+    other = cdpr.Robot(
+        scale * robot.exits[order] @ world.T + shift, scale * robot.anchors[order] @ platform.T,
+        robot.axial_stiffness[order], robot.mass, pulley_radius=scale * robot.pulley_radius[order],
+        pulley_axis=robot.pulley_axis[order] @ world.T, linear_density=robot.linear_density[order] / scale,
+        stiffening=robot.stiffening[order], winch_to_exit=scale * robot.winch_to_exit[order],
+        reeving=robot.reeving[order],
+    )  # fmt: skip
+    result = cdpr.solve(robot, pose)
+    moved = cdpr.solve(
+        other, RigidTransform.from_components(scale * world @ pose + shift, Rotation.from_matrix(world @ platform.T))
+    )
+    expected = scale * world @ result.position + shift
+    np.testing.assert_allclose(moved.position, expected, rtol=0, atol=POSITION * scale)
+    turned = world @ result.rotation_matrix @ platform.T
+    np.testing.assert_allclose(moved.rotation_matrix, turned, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(moved.tensions, result.tensions[order], rtol=0, atol=1e-6)
 
 
 def test_importing_the_package_is_light_and_compiles_nothing():

@@ -150,17 +150,6 @@ def test_the_weight_turns_a_tilted_platform_about_its_origin(catalogue):
     assert found.rotation.approx_equal(robot.pose(pose).rotation, atol=1e-8)
 
 
-def test_stiffness_is_affine_in_pretension(catalogue):
-    """At one pose all taut, K is affine in the tensions when rest lengths follow them: at thirds of the way as well."""
-    robot = catalogue["ipanema-1"]
-    matrices = []
-    for p in (100.0, 200.0, 400.0):
-        found = cdpr.solve(robot, robot.home, robot.rest_lengths(robot.home, p))
-        matrices.append(forces.at(found.problem, found.position, found.rotation.as_matrix()).stiffness_matrix)
-    low, middle, high = matrices
-    np.testing.assert_allclose(middle, low + (high - low) / 3, atol=1e-9 * high.max())
-
-
 def test_wrench_matrix_of_the_question_is_that_of_the_statics(catalogue):
     """Over pulleys and straight; and minus the slope of the lengths, by differences."""
     robot = catalogue["cogiro"].replace(pulley_radius=[0.01, 0] * 4, pulley_axis=(0, 0, 1))

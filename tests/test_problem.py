@@ -79,10 +79,23 @@ def test_a_problem_that_is_ready_is_asked_as_it_is(parallel):
 @pytest.mark.parametrize("name", SINGLE)
 @pytest.mark.parametrize("beside", ["pose", "rest_lengths", "external_wrench"])
 def test_a_problem_takes_nothing_beside_it(parallel, name, beside):
-    """Two answers to one question are refused, not merged."""
+    """Two answers to one question are refused, not merged; neither does an equilibrium, where that is taken."""
     value = {"pose": POSE, "rest_lengths": parallel.rest_lengths(POSE), "external_wrench": np.zeros(6)}[beside]
-    with pytest.raises(cdpr.InvalidInput, match=f"{beside}: found one beside a Problem"):
-        getattr(cdpr, name)(cdpr.Problem.of(parallel, POSE), **{beside: value})
+    problem = cdpr.Problem.of(parallel, POSE)
+    for ready in [problem, *([cdpr.solve(problem)] if name in ("sensitivity", "natural_modes") else [])]:
+        with pytest.raises(cdpr.InvalidInput, match=f"{beside}: found one beside a Problem"):
+            getattr(cdpr, name)(ready, **{beside: value})
+
+
+def test_sensitivity_and_modes_of_an_equilibrium_are_those_of_its_problem(parallel):
+    """However they are asked for, with the same load."""
+    wrench = [0.1, 0, 0, 0, 0, 0]
+    problem = cdpr.Problem.of(parallel, POSE, external_wrench=wrench)
+    for asked in (problem, cdpr.solve(problem)):
+        by_pose = cdpr.sensitivity(parallel, POSE, external_wrench=wrench).pose["exits"]
+        np.testing.assert_array_equal(cdpr.sensitivity(asked).pose["exits"], by_pose)
+        frequencies = cdpr.natural_modes(parallel, POSE, external_wrench=wrench).frequencies
+        np.testing.assert_array_equal(cdpr.natural_modes(asked).frequencies, frequencies)
 
 
 def test_every_question_is_asked_alike():

@@ -94,18 +94,6 @@ def test_under_a_torque_the_derivatives_still_hold(catalogue):
     assert not check_column(base.problem, base, wrong, "external_wrench", 4, 1e-5)
 
 
-def test_a_hanging_mass_moves_as_its_closed_form_says():
-    """z = 3 − 0.1 − l0 (1 + m g / EA): every derivative by hand."""
-    problem = hanging_mass()
-    base = cdpr.solve(problem)
-    strain = problem.robot.weight / problem.robot.axial_stiffness[0]
-    state = forces.at(problem, base.position, base.rotation.as_matrix())
-    slope, by = derivatives.wrench_slope(state)[2, 2], derivatives.wrench_by_parameter(state)
-    assert -by["rest_lengths"][2, 0] / slope == pytest.approx(-(1 + strain))
-    assert -by["axial_stiffness"][2, 0] / slope == pytest.approx(1.5 * strain / problem.robot.axial_stiffness[0])
-    assert -by["mass"][2, 0] / slope == pytest.approx(-1.5 * problem.robot.gravity / problem.robot.axial_stiffness[0])
-
-
 def test_moving_the_whole_frame_moves_the_platform_along(catalogue):
     """The sum over all exits of any axis is a pure translation: an identity that no finite difference blurs."""
     answer = cdpr.sensitivity(catalogue["parallel"], (0.2, 0.22, 0.1))
@@ -157,21 +145,6 @@ def test_effects_are_what_a_millimetre_a_percent_and_a_newton_do(catalogue):
     assert moves == sorted(moves, reverse=True)
     stretches = answer.equilibrium.lengths - answer.equilibrium.rest_lengths
     assert answer.margin == min(abs(stretches))
-
-
-def test_sensitivity_is_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(catalogue):
-    """The same answer, and nothing is taken beside what is ready."""
-    robot, pose, wrench = catalogue["cogiro"], (0.3, 0.2, 0.1), [0.1, 0, 0, 0, 0, 0]
-    asked = cdpr.sensitivity(robot, pose, external_wrench=wrench)
-    problem = cdpr.Problem.of(robot, pose, external_wrench=wrench)
-    for ready in (problem, cdpr.solve(problem)):
-        found = cdpr.sensitivity(ready)
-        for name in derivatives.PARAMETERS:
-            np.testing.assert_array_equal(found.pose[name], asked.pose[name])
-            np.testing.assert_array_equal(found.tensions[name], asked.tensions[name])
-        for beside in ({"pose": pose}, {"rest_lengths": problem.rest_lengths}, {"external_wrench": wrench}):
-            with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a"):
-                cdpr.sensitivity(ready, **beside)
 
 
 def test_derivatives_hold_for_cables_with_every_property():

@@ -210,23 +210,6 @@ def test_forces_balance_with_the_laws_by_hand_there_and_back(name, kind):
     assert ((path.eigenvalues > 0).all() and path.stable.all()) or name == "parallel"
 
 
-@pytest.mark.parametrize(
-    ("kind", "changed"),
-    [
-        (dict(pulley_friction=0.05, winch_to_exit=0.5), dict(pulley_friction=0.0505)),
-        (dict(hysteresis=[(0.15, 4e-5)]), dict(hysteresis=[(0.15, 4.04e-5)])),
-        (dict(hysteresis=[(0.2, np.inf, 0.2)]), dict(hysteresis=[(0.2, np.inf, 0.202)])),
-        (dict(creep=[(4e4, 3.0)]), dict(creep=[(4e4, 3.03)])),
-        (KINDS["all with a nonlinear law"], dict(stiffening=[(404.0, 2e6)] * 7 + [(0, 0)])),
-    ],
-)
-def test_one_percent_of_any_memory_is_seen(kind, changed):
-    """The poses move by more than the nanometre that is claimed."""
-    robot = cdpr.load_robot("cogiro").replace(**kind)
-    paths = [cdpr.solve_path(one, AND_BACK, times=np.arange(17.0)) for one in (robot, robot.replace(**changed))]
-    assert np.abs(paths[0].positions - paths[1].positions).max() > SEEN
-
-
 @pytest.mark.parametrize("kind", ["friction", "hysteresis"])
 def test_more_steps_change_nothing_where_stretches_are_monotone(kind):
     """DemoBot's crossed cables, there and back: commands alone, and eight steps from each to the next."""
@@ -252,7 +235,7 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     turns = rng.uniform(-3e-4, 6e-4, (6, cables))
     turns[0] = -1e-4  # slack, where a cycle begins and ends with the same memory
     cycle = np.concatenate(
-        [np.linspace(one, other, 300)[1:] for one, other in zip(turns, np.roll(turns, -1, 0), strict=True)]
+        [np.linspace(one, other, 60)[1:] for one, other in zip(turns, np.roll(turns, -1, 0), strict=True)]
     )
     work, stretch, tension = np.zeros(cables), turns[0], np.zeros(cables)
     for following in [*cycle, *cycle]:
@@ -334,52 +317,17 @@ def test_a_step_without_equilibrium_ends_its_path():
         cdpr.solve_path(robot, THERE[:2, None].repeat(2, 1), memory=path.memory)
 
 
-def with_memory() -> cdpr.Robot:
-    """DemoBot with friction and hysteresis."""
-    return cdpr.load_robot("cogiro").replace(pulley_friction=0.05, hysteresis=ELEMENTS, winch_to_exit=0.3)
-
-
-def offsets(robot: cdpr.Robot) -> cdpr.Identification:
-    """What `identify` finds from 12 positions."""
-    positions = np.random.default_rng(0).uniform(*robot.workspace, (12, 3))
-    seen = cdpr.solve_many(cdpr.load_robot("cogiro"), positions)
-    measured = cdpr.Measurements.of(positions, np.concatenate([seen.positions, seen.euler], axis=1))
-    return cdpr.identify(robot, measured, "axial_stiffness")
-
-
 REFUSED = {
-    "fsolve": lambda robot: cdpr.solve(robot, robot.home, method="fsolve"),
-    "sensitivity": lambda robot: cdpr.sensitivity(cdpr.solve(robot, robot.home)),
-    "natural_modes": lambda robot: cdpr.natural_modes(cdpr.solve(robot, robot.home)),
-    "neutral_directions": lambda robot: cdpr.neutral_directions(cdpr.solve(robot, robot.home)),
-    "compensate": lambda robot: cdpr.compensate(robot, robot.home),
-    "find_equilibria": lambda robot: cdpr.find_equilibria(robot, robot.home),
-    "follow_load": lambda robot: cdpr.follow_load(robot, robot.home),
-    "certify": lambda robot: cdpr.certify(cdpr.solve(robot, robot.home)),
     "certify_all": lambda robot: cdpr.certify_all(robot, robot.rest_lengths(robot.home)),
-    "rest_lengths": lambda robot: robot.rest_lengths(robot.home, tensions=1.0),
-    "identify": offsets,
-    "sweep": lambda robot: cdpr.sweep(robot, (2, 1, 1)),
     "find_layout": lambda robot: cdpr.find_layout(robot, [robot.home], move="exits", within=0.01),
 }
+"""Beside those of ``test_every_answer.py``."""
 
 
 @pytest.mark.parametrize("answer", REFUSED)
 def test_answers_that_do_not_know_a_memory_refuse_it_in_one_sentence(answer):
     """None of them takes the elastic law in its place."""
-    with pytest.raises(
-        cdpr.InvalidInput, match="found pulley_friction and hysteresis in cable 1, expected cables"
-    ) as e:
-        REFUSED[answer](with_memory())
-    assert "\n" not in str(e.value)
-
-
-def test_answers_about_poses_and_tensions_take_ropes_with_a_memory():
-    """What needs no law, or has the equilibria of a path: feasibility, pictures of cables, notebooks."""
-    robot = with_memory()
-    plain = robot.replace(pulley_friction=0.0, hysteresis=())
-    path = cdpr.solve_path(robot, THERE)
-    assert (cdpr.feasible(robot, THERE) == cdpr.feasible(plain, THERE)).all()
-    assert cdpr.cable_profiles(path).shape[:2] == (9, 8)
-    assert "stable" in path[0]._repr_html_()
-    assert path._repr_html_()
+    robot = cdpr.load_robot("cogiro").replace(**KINDS["friction and hysteresis"])
+    with pytest.raises(cdpr.InvalidInput, match="found pulley_friction and hysteresis in cable 1, expected") as refused:
+        REFUSED[answer](robot)
+    assert "\n" not in str(refused.value)

@@ -1,20 +1,11 @@
+"""Lowest natural frequencies of the compiled kernel where closed forms or none exist; see ``test_kernels.py``."""
+
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from sample_problems import grid, hanging_mass, random_problems
+from sample_problems import grid, hanging_mass
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import forces
 from cdpr_sim.statics.gufuncs import STIFFNESSES
-
-ROUNDING = 1e-11
-"""Relative to the largest eigenvalue: 1e-14 measured on DemoBot, 1e-12 where cables are stiff and tensions large."""
-
-FREQUENCY_ROUNDING = 1e-6
-"""Relative: the lowest of the ω² is known to 1e-13 of the largest, which is up to 1e7 times as large."""
-
-KINK = 1e-12
-"""[m] A cable closer to its rest length is taut or slack by rounding alone, and the stiffness jumps there."""
 
 
 def stiffness(problem, positions, rotations):
@@ -24,43 +15,6 @@ def stiffness(problem, positions, rotations):
         robot.cabling.packed, problem.rest_lengths, robot.mass, robot.gravity, robot.center_of_mass, robot.inertia,
         np.array(robot.free), robot.characteristic_length, positions, rotations,
     )  # fmt: skip
-
-
-def mass_matrix(robot, rotation):
-    """About the platform's origin in the base frame, from the kinetic energy of its centre of mass and spin."""
-    x, y, z = rotation @ robot.center_of_mass
-    jacobian = np.array([[1, 0, 0, 0, z, -y], [0, 1, 0, -z, 0, x], [0, 0, 1, y, -x, 0]])  # v + ω × arm
-    spin = np.zeros((6, 6))
-    spin[3:, 3:] = rotation @ robot.inertia @ rotation.T
-    return robot.mass * jacobian.T @ jacobian + spin
-
-
-@given(random_problems())
-def test_eigenvalues_are_those_of_the_stiffness_matrix(problem):
-    """The compiled assembly and eigenvalue iteration against NumPy and LAPACK, on random robots away from balance."""
-    position, rotation = problem.pose.translation - [0, 0, 0.02], problem.pose.rotation.as_matrix()
-    expected = forces.at(problem, position, rotation).eigenvalues
-    found, _ = stiffness(problem, position, rotation)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
-
-
-@given(random_problems(min_cables=6, max_cables=10, wrench=False))
-def test_frequency_is_that_of_the_generalised_eigenproblem(problem):
-    """K v = ω² M v by SciPy, at the equilibrium."""
-    from scipy.linalg import eigh
-
-    robot = problem.robot
-    equilibrium = cdpr.solve(robot, problem.pose)
-    assume(np.abs(equilibrium.lengths - equilibrium.rest_lengths).min() > KINK)
-    rotation = equilibrium.rotation.as_matrix()
-    free = np.ix_(robot.free, robot.free)
-    K = forces.at(problem, equilibrium.position, rotation).stiffness_matrix[free]
-    squares = eigh(K, mass_matrix(robot, rotation)[free], eigvals_only=True)
-    _, frequency = stiffness(problem, equilibrium.position, rotation)
-    if squares[0] > 1e-7 * squares[-1]:
-        assert frequency == pytest.approx(np.sqrt(squares[0]) / (2 * np.pi), rel=FREQUENCY_ROUNDING)
-    else:
-        assert frequency <= np.sqrt(2e-7 * squares[-1]) / (2 * np.pi)
 
 
 def test_mass_on_a_stiff_cable_swings_like_a_pendulum():

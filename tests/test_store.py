@@ -19,9 +19,6 @@ ASKED = dict(robots=["parallel", "cogiro"], grid=(8, 10, 10), chunk=100, quantit
 TASKS = 4
 """Chunks per slab in these tests: four slabs."""
 
-SLAB = TASKS * ASKED["chunk"]
-"""Poses."""
-
 ROUNDING = 1e-14
 """Relative: with NumPy 2.0 a tilt differs in the last place between one chunk and another; with 2.4 all is equal to the
 bit. Taken for how it rounds the ends of arrays."""
@@ -77,9 +74,7 @@ SETTLED = dict(robots=["cogiro"], grid=(8, 4, 4), chunk=16, quantities=["positio
 """8 chunks, so two slabs in these tests."""
 
 
-def child(asked: dict) -> str:
-    """A script that sweeps slowly into the store that it is given."""
-    return f"""
+CHILD = f"""
 import sys, time
 import xarray as xr
 import cdpr_sim as cdpr
@@ -92,28 +87,22 @@ def slowly(*args, **kwargs):
     time.sleep(0.3)
 
 store.TASKS, xr.Dataset.to_zarr = {TASKS}, slowly
-cdpr.sweep(**{asked!r}, store=sys.argv[1])
+cdpr.sweep(**{ASKED!r}, store=sys.argv[1])
 """
-
-
-def killed(asked: dict, path) -> None:
-    """Sweep into ``path`` in another process, and kill it with SIGKILL once a slab's worth of poses is solved."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", child(asked), str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]}
-    )
-    done = []
-    while len(done) < TASKS * asked["chunk"]:
-        assert process.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.1)  # each look costs as much as a chunk
-        done = _solved_poses(path)
-    process.send_signal(signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
+"""Sweeps slowly into the store that it is given."""
 
 
 def test_killed_sweep_goes_on_where_it_stopped(expected, tmp_path):
     """Killed with SIGKILL while it writes: the store reads as unfinished, and the next run keeps what is there."""
     path = tmp_path / "sweep.zarr"
-    killed(ASKED, path)
+    process = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]})
+    done = []
+    while len(done) < TASKS * ASKED["chunk"]:
+        assert process.poll() is None, "the sweep ended before it could be killed"
+        time.sleep(0.1)  # each look costs as much as a chunk
+        done = _solved_poses(path)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
     with pytest.raises(cdpr.InvalidInput, match=r"is unfinished: .* are pending"):
         cdpr.open_sweep(path)
     plain = xr.open_zarr(path, consolidated=False).compute()  # by someone who knows nothing of us
@@ -128,19 +117,8 @@ def test_killed_sweep_goes_on_where_it_stopped(expected, tmp_path):
     assert _modified(path, ~pending) == kept
 
 
-def test_killed_settling_goes_on_where_it_stopped(tmp_path):
-    """Poses settled in MuJoCo, on the same graph and in the same store: to the bit, as if nobody had killed it."""
-    path = tmp_path / "settled.zarr"
-    killed(SETTLED, path)
-    pending = xr.open_zarr(path, consolidated=False)["status"].values == stores.PENDING
-    assert 0 < pending.sum() < pending.size
-    resumed = cdpr.sweep(**SETTLED, store=path).compute()
-    xr.testing.assert_equal(resumed, cdpr.sweep(**SETTLED))
-    assert (resumed["settled_status"] == 0).all()
-    assert (resumed["position_error"] < 1e-6).all()
-
-
-def test_interrupted_sweep_goes_on_after_every_slab(expected, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("asked", "slabs"), [(ASKED, 4), (SETTLED, 2)], ids=["solved", "settled"])
+def test_interrupted_sweep_goes_on_after_every_slab(asked, slabs, tmp_path, monkeypatch):
     """Broken off after each slab in turn, between the numbers and their status, where it is most delicate."""
     path = tmp_path / "sweep.zarr"
     write = stores._write_slab
@@ -157,13 +135,13 @@ def test_interrupted_sweep_goes_on_after_every_slab(expected, tmp_path, monkeypa
 
         monkeypatch.setattr(stores, "_write_slab", broken)
         try:
-            stored = cdpr.sweep(**ASKED, store=path)
+            stored = cdpr.sweep(**asked, store=path)
             break
         except KeyboardInterrupt:
             status = xr.open_zarr(path, consolidated=False)["status"]
-            assert int((status != stores.PENDING).sum()) == turn * SLAB
-    assert turn == 4
-    assert_same(stored.compute(), expected)
+            assert int((status != stores.PENDING).sum()) == turn * TASKS * asked["chunk"]
+    assert turn == slabs
+    assert_same(stored.compute(), cdpr.sweep(**asked))
 
 
 # With Python 3.13 a buffer in which h5netcdf was writing cannot be cleared, and Python says so.

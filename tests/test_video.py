@@ -532,17 +532,6 @@ def test_show_plays_in_a_notebook(parallel, monkeypatch):
     assert np.asarray(mediapy.decompress_video(data)).shape == (2, 240, 320, 3)
 
 
-def test_the_command_makes_a_video(tmp_path):
-    """Robots and materials side by side, along the path asked for; the file's name is printed."""
-    output = tmp_path / "v.mp4"
-    words = ["--path", "0.3", "0.4", "--z", "0.1", "--material", "vectran-0.7mm", "--material", "fishing-0.4mm"]
-    words += ["--drive-seconds", "1", "--seconds", "0.2", "--fps", "10", "--size", "400", "240", "-o", str(output)]
-    result = CliRunner().invoke(app, ["video", "cogiro", *words])
-    assert result.exit_code == 0, result.output
-    assert "v.mp4" in result.stdout
-    assert np.asarray(mediapy.read_video(output)).shape == (2, 240, 400, 3)
-
-
 def test_ctrl_c_ends_all_drives_at_once(tmp_path, monkeypatch):
     """One is interrupted; the other, which would go on for ever, is told; and nothing is written."""
     monkeypatch.chdir(tmp_path)

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from test_model_dynamics import PLUMB, decrement, random_run
 
 import cdpr_sim as cdpr
 
@@ -87,13 +88,8 @@ def test_a_reset_lays_cables_as_they_hang():
 @pytest.mark.parametrize("winches", ["ratio", "speed"])
 def test_random_controls_of_cables_with_mass_stay_finite(winches):
     """For two seconds on the crane with all properties but nonlinear laws; 60 s are run by a script."""
-    model, data = model_of(KINDS["mixed"].replace(stiffening=(0.0, 0.0)), winches=winches)
-    random, held = np.random.default_rng(0), 1 if winches == "ratio" else 100
-    for _ in range(round(2 / model.opt.timestep) // held):
-        data.ctrl = random.uniform(*model.actuator_ctrlrange.T)
-        mujoco.mj_step(model, data, held)
-    assert not data.warning.number.any()
-    assert np.isfinite(data.qpos).all()
+    finite, _ = random_run(KINDS["mixed"].replace(stiffening=(0.0, 0.0)), winches, 2.0)
+    assert finite
 
 
 @pytest.mark.parametrize("factor", [0.02, 0.1])
@@ -102,29 +98,10 @@ def test_a_plumb_cable_with_mass_has_the_stated_loss_factor(factor):
 
     A cable of a thousandth of the platform's mass, so that the frequency is that of the platform.
     """
-
-    def decrement(damping) -> float:
-        robot = cdpr.Robot(
-            name="plumb",
-            exits=[(0, 0, 1)],
-            anchors=[(0, 0, 0)],
-            axial_stiffness=1e4,
-            linear_density=1e-3,
-            mass=1.0,
-            platform_size=(0.1, 0.1, 0.1),
-            workspace=[(-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)],
-        )
-        model, data = model_of(robot, damping=damping)
-        period, heights = 2 * np.pi / 100, []
-        for _ in range(int(20 * period / model.opt.timestep)):
-            mujoco.mj_step(model, data)
-            heights.append(data.body("platform").xpos[2] + robot.weight / 1e4)
-        one = int(period / model.opt.timestep) + 1
-        sizes = np.abs([heights[:one], heights[-one:]]).max(1)
-        return float(np.log(sizes[0] / sizes[1]) / ((len(heights) - one) * model.opt.timestep / period))
-
-    assert decrement(factor) == pytest.approx(np.pi * factor, rel=0.03)  # a step is a twentieth of a period
-    assert abs(decrement("none")) < 2e-3
+    robot = PLUMB.replace(linear_density=1e-3)
+    found, undamped = (decrement(model_of(robot, damping=damping)[0]) for damping in (factor, "none"))
+    assert found == pytest.approx(np.pi * factor, rel=0.03)  # a step is a twentieth of a period
+    assert abs(undamped) < 2e-3
 
 
 def test_chains_of_springs_and_pretension_are_refused_by_reset():
