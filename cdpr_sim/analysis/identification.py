@@ -346,7 +346,10 @@ def identify(
         correlations=correlations,
         residuals=np.where(known, model.residuals(x), np.nan),
         spread=float(spread),
-        scatters=_scatters_by_kind(measurements, model.errors),
+        scatters={
+            KINDS[kind]: float(np.sqrt(np.mean(model.errors[known & (measurements.kinds == kind)] ** 2)))
+            for kind in np.unique(model.kinds)
+        },
         estimated=tuple(KINDS[kind] for kind in estimated),
         predictions=predictions,
         reasons=tuple(reasons),
@@ -382,12 +385,6 @@ def _start_scatters(
 def _errors(measurements: Measurements, scatters: Float[np.ndarray, " kinds"]) -> Float[np.ndarray, "rows numbers"]:
     """Stated errors, and by kind where there is none."""
     return np.where(np.isnan(measurements.errors), scatters[measurements.kinds], measurements.errors)
-
-
-def _scatters_by_kind(measurements: Measurements, errors: Float[np.ndarray, "rows numbers"]) -> dict[str, float]:
-    """Root mean squares of the errors of the measured numbers."""
-    of_kind = {kind: errors[measurements.known & (measurements.kinds == i)] for i, kind in enumerate(KINDS)}
-    return {kind: float(np.sqrt(np.mean(some**2))) for kind, some in of_kind.items() if some.size}
 
 
 _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))

@@ -162,9 +162,8 @@ class IdentificationModel:
         self.robot, self.measurements, self.unknowns = robot, measurements, list(unknowns)
         self.positions = measurements.commanded[:, :3]
         self.rotations = Rotation.from_euler("xyz", measurements.commanded[:, 3:]).as_matrix()
-        self.rest_lengths = measurements.rest_lengths
-        if self.rest_lengths is None:
-            self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in measurements.commanded])
+        given, rigid = measurements.rest_lengths, map(robot.rest_lengths, measurements.commanded)
+        self.rest_lengths = np.array([*rigid]) if given is None else given
         known = measurements.known
         self.errors = np.ones(known.shape) if errors is None else errors
         self.weights = np.ones(int(known.sum()))
@@ -374,9 +373,9 @@ class IdentificationModel:
             _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
             moved = step[:, None, :3] - forces.cross_matrix(state.geometry.arms) @ step[:, None, 3:]
             if "anchors" in changes:
-                moved = moved + state.rotation[:, None] @ changes["anchors"].reshape(rows, cables, 3, -1)
+                moved = moved + state.rotation[:, None] @ changes["anchors"].reshape(cables, 3, -1)
             if "exits" in changes:
-                moved = moved - changes["exits"].reshape(rows, cables, 3, -1)
+                moved = moved - changes["exits"].reshape(cables, 3, -1)
             by = (turning[..., None, :] @ moved)[..., 0, :]
             parts.append(np.where(self.now.cabling.pulleys[:, None], by, 0.0))
         if data.frequencies is not None:
@@ -389,20 +388,23 @@ class IdentificationModel:
                 result[:, columns, k] = shown
         return result
 
-    def _changes(self, unknowns: Sequence[Unknown]) -> dict[str, Float[np.ndarray, "rows parameters unknowns"]]:
+    def _changes(self, unknowns: Sequence[Unknown]) -> dict[str, Float[np.ndarray, "*rows parameters unknowns"]]:
         """Derivatives of the parameters of the equilibria by these unknowns, of all that have exact ones."""
-        changes: dict[str, np.ndarray] = {"rest_lengths": np.zeros((*self.rest_lengths.shape, len(unknowns)))}
+        cables, count, masses = self.robot.cables, len(unknowns), self.measurements.masses
+        changes = {name: np.zeros((cables, count)) for name in ("rest_lengths", "rest_length_gains")}
         for k, one in enumerate(unknowns):
             if one.parameter in SENSORS or one.parameter in DIFFERENCED:
                 continue
-            gain = one.parameter == "rest_length_gains"
-            name, columns = "rest_lengths" if gain else one.parameter, list(one.columns)
-            if name not in changes:
-                changes[name] = np.zeros((len(self.positions), np.size(getattr(self.robot, name)), len(unknowns)))
-            by = changes[name]
-            by[:, columns, k] = (self.rest_lengths + self.corrections)[:, columns] if gain else 1.0
-            if name == "mass" and self.measurements.masses is not None:
-                by *= np.isnan(self.measurements.masses)[:, None, None]
+            if one.parameter not in changes:
+                changes[one.parameter] = np.zeros((np.size(getattr(self.robot, one.parameter)), count))
+            changes[one.parameter][list(one.columns), k] = 1.0
+        gains = changes.pop("rest_length_gains")
+        if gains.any():
+            changes["rest_lengths"] = (
+                changes["rest_lengths"] + (self.rest_lengths + self.corrections)[..., None] * gains
+            )
+        if "mass" in changes and masses is not None:
+            changes["mass"] = np.isnan(masses)[:, None, None] * changes["mass"]
         return changes
 
 

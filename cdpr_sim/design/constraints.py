@@ -34,6 +34,13 @@ class Constraint:
     violation: Callable[[LayoutEquilibria], Float[np.ndarray, " layouts"]]
 
 
+ALL_TAUT = Constraint("all cables taut", lambda equilibria: equilibria.slack.mean((-1, -2)))
+STABLE = Constraint(
+    "stable equilibria",
+    lambda equilibria: 1 - (equilibria.eigenvalues[..., 0] > NEUTRAL * np.abs(equilibria.eigenvalues).max(-1)).mean(-1),
+)
+
+
 def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
     """Constraints as users give them, with the tension limits [N] and the limit of displacement [m] among them.
 
@@ -51,20 +58,12 @@ def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[
         elif name in ("all taut", "stable"):
             if value is not True:
                 raise InvalidInput(f"subject_to[{name!r}]: found {shown(value)}, expected True")
-            if name == "stable":
-                constraints.append(Constraint("stable equilibria", lambda equilibria: 1 - _stable(equilibria).mean(-1)))
-            else:
-                constraints.append(Constraint("all cables taut", lambda equilibria: equilibria.slack.mean((-1, -2))))
+            constraints.append(STABLE if name == "stable" else ALL_TAUT)
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
             reach = limit if name == "displacement" else reach
             constraints.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
     return constraints, limits, reach
-
-
-def _stable(equilibria: LayoutEquilibria) -> np.ndarray:
-    values = equilibria.eigenvalues
-    return values[..., 0] > NEUTRAL * np.abs(values).max(-1)
 
 
 def _tensions(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> Constraint:

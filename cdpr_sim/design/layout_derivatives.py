@@ -46,6 +46,7 @@ def layout_derivatives(
         exits, anchors = (changes[name].reshape(robot.cables, 3, -1) for name in ("exits", "anchors"))
         by_exits, by_anchors = np.einsum("cmi,miv->cmv", pulls, exits), pulls @ cases.rotations
         changes["rest_lengths"] = by_exits - np.einsum("cmi,miv->cmv", by_anchors, anchors)
+    changes = {name: change for name, change in changes.items() if change.any()}
     wrench, tensions = derivatives.along_changes(state, changes)
     free = np.array(robot.free)
     slope = derivatives.wrench_slope(state)[:, free][:, :, free]

@@ -336,7 +336,9 @@ def _evolve(
         done += length
         members, last = result.population, result.population_energies
         if store is not None:
-            _keep(store, identity, done, members, np.array(history).reshape(-1, 3))
+            rows = np.array(history).reshape(-1, 3)
+            with appearing(store) as (temporary,), open(temporary, "wb") as file:
+                np.savez(file, identity=identity, done=done, members=members, history=rows)
         spread = float(np.std(last))
         if spread <= SPREAD * abs(float(np.mean(last))):
             return f"Converged after {len(history)} generations."
@@ -379,11 +381,6 @@ def _identity(evaluator: LayoutEvaluator, seed: int, size: int) -> str:
     for word in (evaluator.objective.name, *(one.name for one in evaluator.constraints), str(seed), str(size)):
         state.update(word.encode() + b"\0")
     return state.hexdigest()
-
-
-def _keep(store: Path, identity: str, done: int, members: np.ndarray, history: np.ndarray) -> None:
-    with appearing(store) as (temporary,), open(temporary, "wb") as file:
-        np.savez(file, identity=identity, done=done, members=members, history=history)
 
 
 def _resumed(store: Path, identity: str) -> tuple[int, np.ndarray, np.ndarray]:

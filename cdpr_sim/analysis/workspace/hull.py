@@ -122,7 +122,12 @@ def workspace_hull(
         return test(robot, positions, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
 
     rays, triangles = _sphere(depth)
-    high = np.full(len(rays), positive("reach", reach, "m")) if reach is not None else _to_faces(robot, start, rays)
+    if reach is not None:
+        high = np.full(len(rays), positive("reach", reach, "m"))
+    else:  # to the faces of the robot's frame; not positive where a ray starts outside
+        faces = np.where(rays > 0, robot.frame[1], robot.frame[0]) - start
+        with np.errstate(divide="ignore", invalid="ignore"):
+            high = np.where(rays != 0, faces / rays, np.inf).min(-1)
     if not (held(start) and high.min() > 0):
         x, y, z = start
         where = "which is not feasible" if high.min() > 0 else "outside the robot's frame"
@@ -133,15 +138,6 @@ def workspace_hull(
         inside = held(start + middle[:, None] * rays)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return Hull(start, start + (low + high)[:, None] / 2 * rays, triangles)
-
-
-def _to_faces(
-    robot: Robot, start: Float[np.ndarray, "3"], rays: Float[np.ndarray, "vertices 3"]
-) -> Float[np.ndarray, " vertices"]:
-    """Length of each ray inside the robot's frame [m]; not positive where it starts outside."""
-    faces = np.where(rays > 0, robot.frame[1], robot.frame[0]) - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(rays != 0, faces / rays, np.inf).min(-1)
 
 
 def _sphere(depth: int) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]:
