@@ -272,7 +272,7 @@ def test_cluster_of_processes_computes_the_same_sweep(tmp_path):
     here = cdpr.sweep(**asked, compute=False).compute(scheduler="synchronous")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", local_directory=str(tmp_path)
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
