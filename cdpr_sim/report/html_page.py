@@ -6,7 +6,6 @@ rotate by keyboard.
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -288,9 +287,9 @@ def _range(dataset: Any, name: str) -> str:
 
 
 def _figure(figure: Figure, title: str, explanation: str, kind: str = "one") -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    picture = f'<img alt="Map: {escape(title)}." src="{html.data(buffer.getvalue(), "image/svg+xml")}">'
+    from cdpr_sim.drawing.axes import encoded
+
+    picture = f'<img alt="Map: {escape(title)}." src="{html.data(encoded(figure, "svg"), "image/svg+xml")}">'
     return (
         f'<figure class="{kind}">{_scrolling(picture, title)}'
         f"<figcaption><b>{escape(title)}.</b> {escape(explanation)}</figcaption></figure>"
