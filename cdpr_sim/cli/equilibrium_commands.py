@@ -194,8 +194,8 @@ def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
 
 def _certificates(outcomes: Sequence[Outcome], wanted: bool | None) -> list[cdpr.Certificate]:
     """Certificates of all equilibria; by default none where the extra is missing."""
-    from cdpr_sim.proof.balls import installed
+    from cdpr_sim.core import extras
 
-    if not (installed() if wanted is None else wanted):
+    if not (wanted or (wanted is None and not extras.missing("proof"))):
         return []
     return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]
