@@ -95,7 +95,7 @@ class Cable:
         self.has_mass = bool(cabling.linear_density[index] * problem.robot.gravity > 0)
         self.weight = self.parts * exact(cabling.linear_density[index]) * exact(problem.robot.gravity)
         self.massless = exact(problem.robot.wrapped_lengths[index])
-        self.no_slope = zeros(3, 3)
+        self.no_slope = zeros(3, 3)  # of a slack cable
 
     def pull(self, at: Balls, unknowns: Balls | None = None, taken_as: bool | None = None) -> Pull:
         """Pull of the cable with its anchor at ``at``, base frame.
@@ -176,13 +176,9 @@ class Cable:
         """w L [N]."""
         return self.weight * (self.rest_length - self.massless)
 
-    def _rope(self) -> Ball:
-        """Rest length of the rope, from its winch to its end [m]."""
-        return self.rest_length * self.parts + self.behind
-
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
         """τ and its derivative by the length of the rope [N, N/m], for this stretch of one part of line, or none."""
-        rope = self._rope()
+        rope = self.rest_length * self.parts + self.behind  # from its winch to its end
         strain, unit = stretch * self.parts / rope, self.axial_stiffness / rope
         if self.linear:
             return self.axial_stiffness * strain, unit
