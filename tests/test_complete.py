@@ -34,6 +34,9 @@ STEPS = 12
 ON_EDGE = np.array([0.348887, 0.256688, 0.374405, 0.578541, -0.292278, -0.00832])
 """[m], and v in the last chart: an unstable equilibrium of ``four_cables``, to six decimals."""
 
+UNKNOWN_TENSIONS = np.tile([0.0, 1e300], (4, 1))
+"""Of four cables."""
+
 FEW_BOXES = 500
 """More than the 15 boxes within 3 mm of it; 5,043 with slopes between those of slack and taut."""
 
@@ -149,7 +152,7 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     random = np.random.default_rng(2)
     search = complete._Search(problem, None)
     m, survived, thrown = problem.robot.cables, 0, 0
-    boxes, tensions = np.empty((2 * STEPS + 3, 6, 2)), np.empty((2 * STEPS + 3, m, 2))
+    boxes = np.empty((2 * STEPS + 3, 6 + m, 2))
     found, left = np.empty((STEPS + 1, 6, 3)), np.empty((STEPS + 1, 6, 2))
     for chart, setup in enumerate(search.setups):
         rows = list(setup.rows)
@@ -173,13 +176,13 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
                     (centre + (1 - part) * wide + spare)[rows],
                 )
                 q[3:] = np.clip(q[3:], -1, 1)
-                boxes[0], tensions[0] = q, (0.0, 1e300)
+                boxes[0, :6], boxes[0, 6:] = q, (0.0, 1e300)
                 steps, counts = int(random.integers(1, STEPS + 1)), np.zeros(kernel.COUNTS, np.int64)
-                top, nf, nl = kernel.SEARCH.compiled(*setup, boxes, tensions, 1, found, 0, left, 0, steps, counts)
+                top, nf, nl = kernel.SEARCH.compiled(*setup, boxes, 1, found, 0, left, 0, steps, counts)
                 thrown += 1
                 survived += any(map(holds, [*found[:nf], *left[:nl]])) or any(
-                    holds(box) and (T[:, 0] <= pulls + uncertain).all() and (pulls - uncertain <= T[:, 1]).all()
-                    for box, T in zip(boxes[:top], tensions[:top], strict=True)
+                    holds(box) and ((box[6:, 0] <= pulls + uncertain) & (pulls - uncertain <= box[6:, 1])).all()
+                    for box in boxes[:top]
                 )
     assert thrown
     return survived / thrown
@@ -228,7 +231,7 @@ def test_few_boxes_are_examined_near_an_equilibrium_with_a_slack_cable():
     search = complete._Search(problem, None)
     wide = 3e-3 / search.setups[3].scales
     box = np.stack([ON_EDGE - wide, ON_EDGE + 1.1 * wide], 1)
-    search.waiting = [(3, box[None], np.tile([0.0, 1e300], (1, 4, 1)))]
+    search.waiting = [(3, np.concatenate([box, UNKNOWN_TENSIONS])[None])]
     search.run(np.inf, 1, False)
     with arithmetic():
         certificates, undecided = complete._proved(problem, search)
@@ -270,7 +273,7 @@ def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
             if at is not None:
                 charts.add(chart)
                 box = np.stack([at - 1e-5, at + 1.1e-5], 1)
-                search.waiting.append((chart, box[None], np.tile([0.0, 1e300], (1, 4, 1))))
+                search.waiting.append((chart, np.concatenate([box, UNKNOWN_TENSIONS])[None]))
     assert charts == {0, 1, 2, 3}
     search.run(np.inf, 1, False)
     with arithmetic():
@@ -362,6 +365,13 @@ def test_what_is_not_taken_is_refused_in_a_sentence(changes, words):
         cdpr.certify_all(robot, [0.5] * 4)
 
 
+@pytest.mark.parametrize("beside", [{"rest_lengths": [0.5] * 4}, {"external_wrench": np.zeros(6)}])
+def test_what_is_given_beside_a_problem_is_named(beside):
+    """Rest lengths and wrench are the problem's own."""
+    with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a Problem"):
+        cdpr.certify_all(CASES["vertical"], **beside)
+
+
 def test_intervals_are_rounded_outwards():
     """Against fractions, which are exact: sums, products, quotients and roots of random numbers of every size."""
     random = np.random.default_rng(0)
@@ -447,7 +457,7 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
         wide = 10 ** random.uniform(-9, 0) * random.uniform(0, 1, 3)
         at = 0.1 * random.normal(size=3) * 10 ** random.uniform(0, 1)
         o = np.zeros((geometry_kernel.COLUMNS, 2))
-        o[geometry_kernel.APART : geometry_kernel.APART + 3] = np.stack(
+        o[geometry_kernel.FROM_EXIT : geometry_kernel.FROM_EXIT + 3] = np.stack(
             [at - random.uniform(0, 1, 3) * wide, at + wide], 1
         )
         reached = geometry_kernel.over_wheel(o, wheel)

@@ -61,7 +61,7 @@ def settle(
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
-    from cdpr_sim.proof.balls import installed
+    from cdpr_sim.core import extras
     from cdpr_sim.proof.complete import quickly_complete
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
@@ -84,7 +84,7 @@ def settle(
         raise newton
     agreement = cdpr.compare(newton, settled)
     outcomes = [settled, newton, *seecr]
-    proving = installed() if certify is None else certify
+    proving = not extras.missing("proof") if certify is None else certify
     proved = [cdpr.certify(one) for one in outcomes if proving and isinstance(one, cdpr.Equilibrium)]
     complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:

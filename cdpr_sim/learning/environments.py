@@ -163,13 +163,13 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.task = self.kind(robot, num_envs, threads=threads, **settings)
         self.metadata = self.metadata | {"render_fps": max(1, round(1 / self.task.period))}
-        self.num_envs, self.render_mode, self._size = num_envs, render_mode, size
+        self.num_envs, self.render_mode = num_envs, render_mode
         self.single_observation_space, self.single_action_space = _spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.randoms = [np.random.default_rng() for _ in range(num_envs)]
         self._over = np.zeros(num_envs, dtype=bool)
-        self._cameras: list[Camera] = []
+        self._camera = None if render_mode is None else Camera(self.task, size)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -204,15 +204,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture of each simulation, (height, width, 3)."""
-        if self.render_mode is None:
-            return None
-        self._cameras = self._cameras or [Camera(self.task, self._size)]
-        return tuple(self._cameras[0].show(row) for row in range(self.num_envs))
+        return self._camera and tuple(map(self._camera.show, range(self.num_envs)))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the renderer."""
-        for camera in self._cameras:
-            camera.close()
+        if self._camera is not None:
+            self._camera.close()
 
 
 class Track(Environment):

@@ -10,7 +10,6 @@ from jaxtyping import UInt8
 
 from cdpr_sim.core.checks import whole
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing.video.render import Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.learning.tasks import Task
@@ -22,12 +21,6 @@ DARK = 1.5
 """Dark end of the scale of tensions, as a multiple of the platform's weight."""
 
 
-def state_of(task: Task, row: int) -> Trajectory:
-    """The present state of a simulation, as a motion of one state; its commanded pose is the target."""
-    wanted, times = pose_of(task.target(row)[None]), task.period * task.ticks[[row]].astype(float)
-    return recorded(task.robot, wanted, times, [task.simulations.seen(row)])
-
-
 class Camera:
     """Draws simulations as in videos of the package: platform, target, and cables coloured by tension."""
 
@@ -37,9 +30,10 @@ class Camera:
 
     def show(self, row: int) -> UInt8[np.ndarray, "height width 3"]:
         """A picture of one simulation."""
-        robot = self._task.robot
-        largest = DARK * robot.mass * max(robot.gravity, 1.0)
-        stage = Stage(state_of(self._task, row), largest_tension=largest)
+        task, robot = self._task, self._task.robot
+        wanted, times = pose_of(task.target(row)[None]), task.period * task.ticks[[row]].astype(float)
+        state = recorded(robot, wanted, times, [task.simulations.seen(row)])
+        stage = Stage(state, largest_tension=DARK * robot.mass * max(robot.gravity, 1.0))
         stage.set(0)
         if self._renderer is None:
             self._renderer = open_renderer(stage.model, self._width, self._height)

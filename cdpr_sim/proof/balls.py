@@ -33,26 +33,11 @@ def arithmetic(bits: int = BITS) -> Iterator[Any]:
     Raises:
         MissingExtra: python-flint is not installed.
     """
-    flint = import_flint()
-    with flint.ctx.workprec(bits):
-        yield flint
-
-
-def import_flint() -> Any:
-    """The module ``flint``.
-
-    Raises:
-        MissingExtra: python-flint is not installed.
-    """
     extras.require("proof", "proof")
     import flint
 
-    return flint
-
-
-def installed() -> bool:
-    """Whether proofs can be computed here."""
-    return not extras.missing("proof")
+    with flint.ctx.workprec(bits):
+        yield flint
 
 
 @cache

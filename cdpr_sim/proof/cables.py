@@ -33,7 +33,7 @@ import numpy as np
 
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.proof.balls import Ball, Balls, centres, exact, middle, middles, norm, solution, within, zeros
+from cdpr_sim.proof.balls import Ball, Balls, exact, middle, middles, norm, within, zeros
 
 LARGEST_A = 600.0
 """Largest half length of a catenary's interval of x: its sinh is near the largest double. Such a cable is vertical to
@@ -46,9 +46,8 @@ below 1e-21 for laws whose slope has its complex zeros 0.75 from there, as those
 MOST_PIECES = 400
 """Largest number of such parts: no more than ``LARGEST_A`` asks for, and more than any cable that pulls."""
 
-START_STEPS, HALVINGS, START = 60, 30, 1e-20
-"""Newton steps to the tension of a cable with mass, how often one is halved until the cable ends nearer, and the
-smallest step as a fraction of the tension."""
+START = 1e-12
+"""Tolerance of the tension of a cable with mass from which Newton's steps begin, as a fraction of it."""
 
 EYE = np.eye(3, dtype=object)
 
@@ -96,7 +95,7 @@ class Cable:
         self.has_mass = bool(cabling.linear_density[index] * problem.robot.gravity > 0)
         self.weight = self.parts * exact(cabling.linear_density[index]) * exact(problem.robot.gravity)
         self.massless = exact(problem.robot.wrapped_lengths[index])
-        self.no_slope = zeros(3, 3)
+        self.no_slope = zeros(3, 3)  # of a slack cable
 
     def pull(self, at: Balls, unknowns: Balls | None = None, taken_as: bool | None = None) -> Pull:
         """Pull of the cable with its anchor at ``at``, base frame.
@@ -107,17 +106,17 @@ class Cable:
             taken_as: taut or slack, for a cable whose length may be more or less than its rest length. By default force
                 and slope enclose both.
         """
-        apart = at - self.exit
+        from_exit = at - self.exit
         if unknowns is None and not self.over_pulley:
-            square = apart @ apart
+            square = from_exit @ from_exit
             if square < self.rest_length * self.rest_length:
                 return self._slack(square.sqrt() - self.rest_length)
-        length, along, curvature = self._path(apart)
+        length, along, curvature = self._path(from_exit)
         stretch = length - self.rest_length
         taut = True if stretch > 0 else False if stretch < 0 else None
         if unknowns is not None:
             force = -unknowns - [0, 0, self._free_weight()]
-            gap, compliance = self._end(unknowns, apart)
+            gap, compliance = self._end(unknowns, from_exit)
             if not length.is_finite():  # below the wheel
                 gap = np.full(3, length)
             return Pull(force, self.no_slope, taut, norm(force) / self.parts, stretch, gap, compliance)
@@ -137,29 +136,21 @@ class Cable:
 
     def tension_near(self, at: np.ndarray) -> Balls:
         """Balls of radius 0 near the unknowns of a cable with mass with its anchor at ``at``; proves nothing."""
-        apart = exact(at) - self.exit
-        t = exact(self._tension_start(apart))
-        gap, compliance = self._end(t, apart)
-        for _ in range(START_STEPS):
-            size = gap @ gap
-            step = centres(solution(centres(compliance), centres(gap)))
-            if not step @ step > exact(START**2) * (t @ t):
-                return t
-            for halving in range(HALVINGS):
-                tried = centres(t - exact(0.5**halving) * step)
-                gap, compliance = self._end(tried, apart)
-                if gap @ gap < size:
-                    break
-            else:
-                return t
-            t = tried
-        return t
+        from scipy.optimize import root  # takes longer to import than proofs of cables without mass
 
-    def _tension_start(self, apart: Balls) -> np.ndarray:
+        from_exit = exact(at) - self.exit
+
+        def miss(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            gap, compliance = self._end(exact(t), from_exit)
+            return middles(gap), middles(compliance)
+
+        return exact(root(miss, self._tension_start(from_exit), jac=True, tol=START).x)
+
+    def _tension_start(self, from_exit: Balls) -> np.ndarray:
         """Of a taut cable that pulls along its massless path; or of a slack one that hangs between points, linear."""
         rest, weight = middle(self.rest_length), middle(self.weight)
-        hanging, span = middle(self._free_weight()), middles(apart)
-        path, along, _ = self._path(apart)
+        hanging, span = middle(self._free_weight()), middles(from_exit)
+        path, along, _ = self._path(from_exit)
         length = middle(path)
         if length > rest:
             tension = self.parts * middle(self._tension(exact(length - rest))[0])
@@ -185,13 +176,9 @@ class Cable:
         """w L [N]."""
         return self.weight * (self.rest_length - self.massless)
 
-    def _rope(self) -> Ball:
-        """Rest length of the rope, from its winch to its end [m]."""
-        return self.rest_length * self.parts + self.behind
-
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
         """τ and its derivative by the length of the rope [N, N/m], for this stretch of one part of line, or none."""
-        rope = self._rope()
+        rope = self.rest_length * self.parts + self.behind  # from its winch to its end
         strain, unit = stretch * self.parts / rope, self.axial_stiffness / rope
         if self.linear:
             return self.axial_stiffness * strain, unit
@@ -199,14 +186,14 @@ class Cable:
         slope = self._law_slope(curved)
         return self.axial_stiffness * (self._law(curved) + (strain - curved) * slope), unit * slope
 
-    def _path(self, apart: Balls) -> tuple[Ball, Balls, Balls]:
+    def _path(self, from_exit: Balls) -> tuple[Ball, Balls, Balls]:
         """The length of the path, with its first and second derivatives by the anchor's position."""
         if not self.over_pulley:
-            length = norm(apart)
-            along = apart / length
+            length = norm(from_exit)
+            along = from_exit / length
             return length, along, (EYE - along[:, None] * along) / length
-        height = apart @ self.axis
-        radial = apart - height * self.axis
+        height = from_exit @ self.axis
+        radial = from_exit - height * self.axis
         rho = norm(radial)
         beyond = rho - self.radius
         if not beyond > 0:  # below the wheel the formula would give a path that no cable takes
@@ -252,7 +239,7 @@ class Cable:
             return image
         return exact(math.nan)
 
-    def _end(self, t: Balls, apart: Balls) -> tuple[Balls, Balls]:
+    def _end(self, t: Balls, from_exit: Balls) -> tuple[Balls, Balls]:
         """The gap from the anchor to where a cable with mass ends, (3,) [m], and its derivatives, (3, 3) [m/N]."""
         w, L, W = self.weight, self.rest_length - self.massless, self._free_weight()
         across = t[:2] @ t[:2]
@@ -267,7 +254,7 @@ class Cable:
         slopes = _bordered(t, delta, -bent, -mean / (T * T1), across * bent)
         stretched, more = self._stretch(t, W, across)
         guided, turning = self._guided(t, T)
-        return ends + stretched + guided - apart, slopes + more + turning
+        return ends + stretched + guided - from_exit, slopes + more + turning
 
     def _guided(self, t: Balls, T: Ball) -> tuple[Balls, Balls]:
         """The first part of a cable with mass: on the wheel, the massless length, and what lies behind the exit."""

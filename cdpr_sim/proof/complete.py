@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
@@ -36,7 +37,7 @@ from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import BITS, Balls, arithmetic, bounds, exact, import_flint, middle, solution
+from cdpr_sim.proof.balls import BITS, Balls, arithmetic, bounds, exact, middle, solution
 from cdpr_sim.proof.cables import EYE, Cable
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
@@ -144,14 +145,13 @@ class CompleteEquilibria(HtmlRepr):
         for one in self.certificates:
             mine = one.equilibrium
             arm = self.problem.robot.characteristic_length
-            apart = [
+            distances = [
                 float(np.linalg.norm(mine.position - other.position))
                 + arm * float(angle_between(mine.rotation_matrix, other.rotation_matrix))
                 for other in left
             ]
-            nearest = int(np.argmin(apart)) if apart else -1
-            if apart and apart[nearest] < 10 * near:
-                left.pop(nearest)
+            if distances and min(distances) < 10 * near:
+                left.pop(int(np.argmin(distances)))
             else:
                 lacking.append(one)
         return tuple(lacking)
@@ -206,7 +206,7 @@ def certify_all(
 
     Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
     """
-    import_flint()
+    extras.require("proof", "proof")
     refuse_unless(Robot | Problem, robot=robot)
     refuse_unless(FLAG, progress=progress)
     most = None if time_limit is None else positive("time_limit", time_limit, "s")
@@ -214,11 +214,7 @@ def certify_all(
     path = None if store is None else checked_path("store", store)
     if isinstance(robot, Robot) and rest_lengths is None:
         raise InvalidInput("rest_lengths: found none, expected one per cable [m]")
-    if isinstance(robot, Robot):
-        robot = Problem.of(robot, robot.home, rest_lengths, external_wrench)
-    elif rest_lengths is not None or external_wrench is not None:
-        raise InvalidInput("rest_lengths: found some beside a Problem, expected them only in the Problem")
-    problem = robot
+    problem = Problem.of(robot, robot.home if isinstance(robot, Robot) else None, rest_lengths, external_wrench)
     problem.robot.cabling.refuse_weight("certify_all")
     problem.robot.cabling.refuse_memory("certify_all")
     if not _pull(problem) > 0:
@@ -238,12 +234,15 @@ def certify_all(
 
 
 class _Search:
-    """The boxes of a search: pending, with one equilibrium, and undecided; by chart."""
+    """The boxes of a search: pending, with one equilibrium, and undecided; by chart.
+
+    Pending ones are of poses and tensions, (boxes, 6 + cables, 2), the others of poses.
+    """
 
     def __init__(self, problem: Problem, store: Path | None) -> None:
         from cdpr_sim.proof import search_kernel as kernel
 
-        self.look, self.problem, self.store = kernel.SEARCH.compiled, problem, store
+        self.kernel, self.problem, self.store = kernel.SEARCH.compiled, problem, store
         self.charts = CHARTS[problem.robot.mobility]
         with arithmetic(BITS):
             self.cables = [Cable(problem, index) for index in range(problem.robot.cables)]
@@ -251,9 +250,8 @@ class _Search:
         self.found: list[list[np.ndarray]] = [[] for _ in self.charts]
         self.left: list[list[np.ndarray]] = [[] for _ in self.charts]
         self.counts, self.seconds = np.zeros(kernel.COUNTS, np.int64), 0.0
-        box, cables = _domain(problem), problem.robot.cables
-        unknown = np.stack([np.zeros(cables), np.full(cables, 1e300)], 1)
-        self.waiting = [(chart, box[None], unknown[None]) for chart in range(len(self.charts))]
+        box = np.concatenate([_domain(problem), [[0.0, 1e300]] * problem.robot.cables])
+        self.waiting = [(chart, box[None]) for chart in range(len(self.charts))]
         self.volume = len(self.charts) * self._volume(box)
         self.running: dict[Future, tuple] = {}
         self.key = _key(problem)
@@ -263,11 +261,11 @@ class _Search:
     @property
     def pending(self) -> int:
         """Number of boxes that were not examined."""
-        return sum(len(boxes) for _, boxes, _ in self.waiting)
+        return sum(len(boxes) for _, boxes in self.waiting)
 
     def run(self, end: float, threads: int, progress: bool) -> None:
         """Search until everything is done, or the time is over, or too many boxes are undecided."""
-        started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
+        started, saved, done, examined = time.monotonic(), time.monotonic(), 0.0, False
         before = self.seconds
 
         def save() -> None:
@@ -276,15 +274,15 @@ class _Search:
 
         def begin(task: tuple) -> Future:
             if threads > 1:
-                return pool.submit(self._look, *task)
+                return pool.submit(self._examine, *task)
             result: Future = Future()  # without a thread, whose start takes longer than the search of a planar robot
-            result.set_result(self._look(*task))
+            result.set_result(self._examine(*task))
             return result
 
         with bar("looking for equilibria", 1.0, show=progress) as advance, ThreadPoolExecutor(threads) as pool:
             try:
                 while self.waiting or self.running:
-                    if looked and (time.monotonic() > end or sum(map(len, self.left)) > MOST_LEFT):
+                    if examined and (time.monotonic() > end or sum(map(len, self.left)) > MOST_LEFT):
                         break
                     while self.waiting and len(self.running) < threads:
                         # In this order Ctrl-C may leave boxes in two lists, but never in none.
@@ -294,9 +292,9 @@ class _Search:
                     for one in ready:
                         self._take(one.result(), len(self.running) - 1 + len(self.waiting) < threads)
                         del self.running[one]
-                    looked = True
+                    examined = True
                     left = [*self.waiting, *self.running.values()]
-                    part = 1 - sum(self._volume(box) for _, boxes, _ in left for box in boxes) / self.volume
+                    part = 1 - sum(self._volume(box) for _, boxes in left for box in boxes) / self.volume
                     advance(max(part - done, 0.0))
                     done = max(part, done)
                     if time.monotonic() - saved > SAVED:
@@ -307,32 +305,29 @@ class _Search:
                     self._take(self.running.popitem()[0].result(), False)
                 save()
 
-    def _look(self, chart: int, boxes: np.ndarray, tensions: np.ndarray) -> tuple:
+    def _examine(self, chart: int, boxes: np.ndarray) -> tuple:
         """One call of the kernel: boxes found and undecided, and boxes still to be examined."""
-        m = self.problem.robot.cables
-        stack, ranges = np.empty((DEPTH, 6, 2)), np.empty((DEPTH, m, 2))
-        top = len(boxes)
-        stack[:top], ranges[:top] = boxes, tensions
+        stack, top = np.empty((DEPTH, *boxes.shape[1:])), len(boxes)
+        stack[:top] = boxes
         found, left = np.empty((FOUND_ROOM, 6, 3)), np.empty((LEFT_ROOM, 6, 2))
         known = self.found[chart][: FOUND_ROOM // 2]
         before = len(known)
-        if before:
-            found[:before] = known
+        found[:before] = np.reshape(known, (-1, 6, 3))
         counts = np.zeros_like(self.counts)
-        top, nf, nl = self.look(*self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
-        return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
+        top, nf, nl = self.kernel(*self.setups[chart], stack, top, found, before, left, 0, CALL, counts)
+        return chart, stack[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
 
     def _take(self, result: tuple, divide: bool) -> None:
-        chart, boxes, tensions, found, left, counts = result
+        chart, boxes, found, left, counts = result
         self.found[chart] += list(found)
         self.left[chart] += list(left)
         self.counts += counts
         if divide and len(boxes) > 1:  # the largest lie at the bottom: every second one for each
-            self.waiting += [(chart, boxes[1::2], tensions[1::2]), (chart, boxes[::2], tensions[::2])]
+            self.waiting += [(chart, boxes[1::2]), (chart, boxes[::2])]
         elif len(boxes):
-            self.waiting.append((chart, boxes, tensions))
+            self.waiting.append((chart, boxes))
 
-    def _volume(self, box: Float[np.ndarray, "6 2"]) -> float:
+    def _volume(self, box: Float[np.ndarray, "unknowns 2"]) -> float:
         rows = self.problem.robot.free
         return float(np.prod(box[rows, 1] - box[rows, 0]))
 
@@ -343,11 +338,11 @@ class _Search:
         for name, listed, columns in (("found", self.found, 3), ("left", self.left, 2)):
             for chart, boxes in enumerate(listed):
                 parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, columns)
-        m = self.problem.robot.cables
+        none = np.empty((0, 6 + self.problem.robot.cables, 2))
         for chart in range(len(self.setups)):
-            mine = [task for task in (*self.waiting, *self.running.values()) if task[0] == chart]
-            parts[f"boxes_{chart}"] = np.concatenate([np.empty((0, 6, 2)), *(boxes for _, boxes, _ in mine)])
-            parts[f"tensions_{chart}"] = np.concatenate([np.empty((0, m, 2)), *(ranges for _, _, ranges in mine)])
+            tasks = (*self.waiting, *self.running.values())
+            mine = np.concatenate([none, *(boxes for of, boxes in tasks if of == chart)])
+            parts[f"boxes_{chart}"], parts[f"tensions_{chart}"] = mine[:, :6], mine[:, 6:]
         try:
             with appearing(path) as (temporary,), open(temporary, "wb") as file:
                 np.savez(file, allow_pickle=False, **parts)  # type: ignore[arg-type]
@@ -364,10 +359,9 @@ class _Search:
                 self.left = [list(kept[f"left_{chart}"]) for chart in charts]
                 self.waiting = []
                 for chart in charts:
-                    boxes, ranges = kept[f"boxes_{chart}"], kept[f"tensions_{chart}"]
+                    boxes = np.concatenate([kept[f"boxes_{chart}"], kept[f"tensions_{chart}"]], axis=1)
                     for first in range(0, len(boxes), DEPTH // 2):
-                        some = slice(first, first + DEPTH // 2)
-                        self.waiting.append((chart, boxes[some], ranges[some]))
+                        self.waiting.append((chart, boxes[first : first + DEPTH // 2]))
                 self.counts, self.seconds = kept["counts"], float(kept["seconds"])
         except StoreError:
             raise
@@ -452,7 +446,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
 
     With the load's force along d, cables pull against it. If all anchors are on one side of all exits across d, every
     pull has a component of one sign, and some pull is not zero. If all anchors are above all exits, against d, there is
-    no pull up. And far below: each cable's pull along −d is at most the load, which bounds its drop h by
+    no pull up. And far below: each cable's pull along −d is at most the load, which bounds the drop of its length.
     """
     robot = problem.robot
     force = problem.external_wrench[:3] - np.array([0, 0, robot.weight])

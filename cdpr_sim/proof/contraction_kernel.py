@@ -6,12 +6,12 @@ import numpy as np
 
 from cdpr_sim.core.compiling import outlined
 from cdpr_sim.proof.geometry_kernel import (
-    APART,
     ARM,
     BEYOND,
     DIRECTION,
     EA_HIGH,
     EA_LOW,
+    FROM_EXIT,
     LENGTH,
     RADIUS,
     REST,
@@ -182,13 +182,13 @@ def contract(q, T, setup, o, spin):
         for r in range(3):
             if q[r, 0] == q[r, 1]:
                 continue
-            apart = row(o[i], APART + r)
-            across = add(square(row(o[i], APART + (r + 1) % 3)), square(row(o[i], APART + (r + 2) % 3)))
+            from_exit = row(o[i], FROM_EXIT + r)
+            across = add(square(row(o[i], FROM_EXIT + (r + 1) % 3)), square(row(o[i], FROM_EXIT + (r + 2) % 3)))
             reach = up(up(high * high) - across[0])
             if reach < 0:
                 return False
             reach = up(np.sqrt(reach))
-            a, b = max(apart[0], -reach), min(apart[1], reach)
+            a, b = max(from_exit[0], -reach), min(from_exit[1], reach)
             clear = down(down(low * low) - across[1])
             if low > 0 and clear > 0:
                 clear = root_down(clear)
@@ -198,7 +198,7 @@ def contract(q, T, setup, o, spin):
                     b = min(b, -clear)
             if a > b:
                 return False
-            if a > apart[0] or b < apart[1]:
+            if a > from_exit[0] or b < from_exit[1]:
                 exit_ = setup.exits[i, r]
                 if not narrowed(q, r, subtract(add((a, b), (exit_, exit_)), row(o[i], ARM + r))):
                     return False

@@ -40,7 +40,7 @@ from cdpr_sim.proof.interval_kernel import (
     up,
 )
 
-LENGTH, DIRECTION, MOMENT, ARM, APART, FREE, WRAP, BEYOND, ACROSS, BEND, COLUMNS = (
+LENGTH, DIRECTION, MOMENT, ARM, FROM_EXIT, FREE, WRAP, BEYOND, ACROSS, BEND, COLUMNS = (
     0, 1, 4, 7, 10, 13, 14, 15, 16, 19, 20
 )  # fmt: skip
 """Columns of a cable's geometry: its length, n, u × n, u, and anchor minus exit; the length s that is free, and of a
@@ -163,17 +163,17 @@ def corner(a, h, radius):
 
 @outlined
 def over_wheel(o, wheel):
-    """Fill in a cable's geometry over its wheel from ``APART``. False: nowhere in the box it is clear of its wheel."""
+    """Fill in a cable's geometry over its wheel from ``FROM_EXIT`` on. False: it is nowhere clear of the wheel."""
     radius, n = wheel[RADIUS, 0], np.empty((3, 2))
     height, squares, aside, straight = (0.0, 0.0), np.empty((3, 2)), np.empty((3, 2)), 0.0
     for r in range(3):
-        height = add(height, multiply(row(o, APART + r), row(wheel, AXIS + r)))
+        height = add(height, multiply(row(o, FROM_EXIT + r), row(wheel, AXIS + r)))
         along = 0.0, 0.0
         for c in range(3):
-            along = add(along, multiply(row(o, APART + c), row(wheel, ASIDE + 3 * r + c)))
+            along = add(along, multiply(row(o, FROM_EXIT + c), row(wheel, ASIDE + 3 * r + c)))
         aside[r, 0], aside[r, 1] = along
         squares[r, 0], squares[r, 1] = square(along)
-        straight = max(down(straight + square(row(o, APART + r))[0]), 0.0)
+        straight = max(down(straight + square(row(o, FROM_EXIT + r))[0]), 0.0)
     h0, h1 = height
     rho = sum_of_squares(squares)
     rho = root_down(rho[0]), up(np.sqrt(rho[1]))
@@ -284,9 +284,9 @@ def geometry(q, setup, o, spin):
             return True
         for r in range(3):
             exit_ = setup.exits[i, r]
-            apart = subtract(add(row(q, r), row(c, ARM + r)), (exit_, exit_))
-            c[APART + r, 0], c[APART + r, 1] = apart
-            squares[r, 0], squares[r, 1] = square(apart)
+            from_exit = subtract(add(row(q, r), row(c, ARM + r)), (exit_, exit_))
+            c[FROM_EXIT + r, 0], c[FROM_EXIT + r, 1] = from_exit
+            squares[r, 0], squares[r, 1] = square(from_exit)
         if setup.wheels[i, RADIUS, 0] > 0:
             if not over_wheel(c, setup.wheels[i]):
                 return False
@@ -295,7 +295,7 @@ def geometry(q, setup, o, spin):
             c[LENGTH, 0], c[LENGTH, 1] = root_down(low), up(np.sqrt(high))
             c[FREE, 0], c[FREE, 1] = row(c, LENGTH)
             for r in range(3):
-                c[DIRECTION + r, 0], c[DIRECTION + r, 1] = unit(row(c, APART + r), of_others(squares, r))
+                c[DIRECTION + r, 0], c[DIRECTION + r, 1] = unit(row(c, FROM_EXIT + r), of_others(squares, r))
         for r in range(3):
             if not planar or r == 1:
                 c[MOMENT + r, 0], c[MOMENT + r, 1] = cross(c, ARM, c, DIRECTION, r)

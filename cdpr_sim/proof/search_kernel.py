@@ -56,13 +56,12 @@ def found_at(found, box, at):
 
 
 @outlined
-def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
+def search(setup, boxes, top, found, nf, left, nl, most, counts):
     """Continue a search, depth first, for at most ``most`` boxes.
 
     Args:
         setup: the problem.
-        boxes: pending boxes, (room, 6, 2), of which the first ``top`` are filled in.
-        tensions: their ranges of tensions, (room, cables, 2).
+        boxes: pending boxes of poses and tensions, (room, 6 + cables, 2), of which the first ``top`` are filled in.
         top: number of pending boxes.
         found: boxes with exactly one equilibrium: lower, upper and a point near it, (room, 6, 3); ``nf`` are filled in.
         nf: their number.
@@ -81,7 +80,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         if nf == found.shape[0] or nl == left.shape[0] or top + 1 >= boxes.shape[0]:
             return top, nf, nl
         top -= 1
-        q, T = boxes[top].copy(), tensions[top].copy()
+        q, T = boxes[top, :6].copy(), boxes[top, 6:].copy()
         counts[BOXES] += 1
         alive, old = True, np.empty((6, 2))
         for _ in range(ROUNDS):
@@ -141,23 +140,20 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
             if smear[r] > most_smear and (q[r, 1] - q[r, 0]) * setup.scales[r] > THIN * width:
                 widest, most_smear = r, smear[r]
         cut = q[widest, 0] + SPLIT * (q[widest, 1] - q[widest, 0])
-        boxes[top] = q
-        tensions[top] = T
-        boxes[top, widest, 1] = cut
-        boxes[top + 1] = q
-        tensions[top + 1] = T
-        boxes[top + 1, widest, 0] = cut
+        boxes[top, :6], boxes[top, 6:] = q, T
+        boxes[top + 1] = boxes[top]
+        boxes[top, widest, 1] = boxes[top + 1, widest, 0] = cut
         top += 2
     return top, nf, nl
 
 
 def _search(
-    exits, anchors, law, wheels, center_of_mass, weight, wrench, rows, scales, newton, near, least, boxes, tensions,
-    top, found, nf, left, nl, most, counts,
+    exits, anchors, law, wheels, center_of_mass, weight, wrench, rows, scales, newton, near, least, boxes, top,
+    found, nf, left, nl, most, counts,
 ):  # fmt: skip
     """``search`` with the fields of ``Setup`` one by one: a signature in Numba's notation has no named tuples."""
     setup = Setup(exits, anchors, law, wheels, center_of_mass, weight, wrench, rows, scales, newton, near, least)
-    return search(setup, boxes, tensions, top, found, nf, left, nl, most, counts)
+    return search(setup, boxes, top, found, nf, left, nl, most, counts)
 
 
 SEARCH = compiling.Compiled(
@@ -165,7 +161,7 @@ SEARCH = compiling.Compiled(
     _search,
     "UniTuple(int64, 3)(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[::1], "
     "float64[::1], float64[::1], int64[::1], float64[::1], float64, float64, float64, float64[:, :, ::1], "
-    "float64[:, :, ::1], int64, float64[:, :, ::1], int64, float64[:, :, ::1], int64, int64, int64[::1])",
+    "int64, float64[:, :, ::1], int64, float64[:, :, ::1], int64, int64, int64[::1])",
     error_model="numpy",
     nogil=True,
 )

@@ -38,15 +38,17 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"mobility = {_text(robot.mobility)}"
     if robot.gravity != STANDARD_GRAVITY:
         yield f"gravity = {_numbers(robot.gravity)}"
-    common = {name: getattr(cabling, name) for name in OF_ALL if name != "reeving" or (cabling.reeving > 1).any()}
-    own = {name: values for name, values in common.items() if (values != values[0]).any()}
-    for name, values in common.items():
-        if name not in own and values[0].any() and np.isfinite(values[0]).all():
-            yield f"{name} = {_numbers(values[0])}"
-    rows = {"hysteresis": (cabling.hysteresis, NO_ELEMENT), "creep": (cabling.creep, NO_TERM)}
-    for name, (values, none) in rows.items():
-        if values.size and (values == values[0]).all():
-            yield f"{name} = {_rows(values[0], none)}"
+    of_all = [name for name in OF_ALL if name != "reeving" or (cabling.reeving > 1).any()]
+    texts = {
+        name: [_numbers(one) if np.isfinite(one).all() else "" for one in getattr(cabling, name)] for name in of_all
+    }
+    for name, none in (("hysteresis", NO_ELEMENT), ("creep", NO_TERM)):
+        in_effect = [one[(one != none).any(-1)] for one in getattr(cabling, name)]
+        texts[name] = [_numbers(rows) if len(rows) else "" for rows in in_effect]
+    own = {name: each for name, each in texts.items() if len(set(each)) > 1}  # an infinite limit is left out
+    for name, each in texts.items():
+        if name not in own and each[0] and getattr(cabling, name)[0].any():
+            yield f"{name} = {each[0]}"
     named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
     if robot.material and not named:
         yield f"cable_name = {_text(robot.material)}"
@@ -63,12 +65,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"exit = {_numbers(cabling.exits[cable])}"
         yield f"anchor = {_numbers(cabling.anchors[cable])}"
         yield from named  # a cable's name belongs to its material
-        for name, values in own.items():
-            if np.isfinite(values[cable]).all():  # an infinite limit is left out
-                yield f"{name} = {_numbers(values[cable])}"
-        for name, (values, none) in rows.items():
-            if (values != values[0]).any() and (values[cable] != none).any():
-                yield f"{name} = {_rows(values[cable], none)}"
+        yield from (f"{name} = {each[cable]}" for name, each in own.items() if each[cable])
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
 
@@ -76,11 +73,6 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _pulley(radius: float, axis: np.ndarray) -> str:
     arrives = "" if tuple(axis) == DOWN else f", axis = {_numbers(axis)}"
     return f"{{ radius = {_numbers(radius)}{arrives} }}"
-
-
-def _rows(values: np.ndarray, none: tuple[float, ...]) -> str:
-    """Rows of one cable, without those that have no effect."""
-    return _numbers(values[(values != none).any(-1)])
 
 
 def _numbers(values: ArrayLike) -> str:

@@ -20,13 +20,13 @@ import numpy as np
 import scipy.optimize
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.proof.balls import installed
 from cdpr_sim.proof.certificate import certify
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.solve import solve
@@ -152,7 +152,7 @@ def evaluated(one: SetProblem, start: int, answer: Any, seconds: float) -> Outco
     except CdprError:
         return nothing
     digits, stable = _digits(one.positions, one.rotations, one.index, at)
-    if digits < SOLVED_DIGITS and not one.complete and installed():
+    if digits < SOLVED_DIGITS and not one.complete and not extras.missing("proof"):
         try:
             problem = Problem.of(one.problem.robot, at, one.problem.rest_lengths, one.problem.external_wrench)
             found = certify(forces.equilibrium_at(problem, at.transform, iterations=0, source="answer"))
