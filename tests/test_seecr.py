@@ -21,6 +21,7 @@ def test_stalled_least_squares_is_not_an_answer(catalogue):
     stalled = error.value.equilibrium
     assert stalled is not None
     assert stalled.residual > 0.1
+    assert stalled.source == "seecr/least_squares"
     truth = cdpr.solve(robot, (0.285, 0.25, 0.1))
     assert np.degrees(truth.tilt - stalled.tilt) > 4
 
@@ -38,6 +39,7 @@ def test_every_answer_of_seecr_is_an_equilibrium(catalogue):
                 assert failure.equilibrium.residual > seecr.RESIDUAL_TOLERANCE * robot.weight
             else:
                 assert result.residual <= seecr.RESIDUAL_TOLERANCE * robot.weight
+                assert result.iterations > 0
                 answers += 1
     assert answers > 0
 
