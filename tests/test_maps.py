@@ -78,14 +78,6 @@ def test_a_small_picture_shows_where_in_the_frame_the_maps_lie(dataset):
         assert name.get_window_extent().y1 < box.y0
 
 
-def test_pose_without_equilibrium_is_grey():
-    """Above the exits nothing is drawn over the grey, in the row of tilt as in that of slack cables."""
-    dataset = cdpr.sweep("parallel", {"x": [0.3, 0.5], "z": [0.2, 0.6]})
-    figure = maps.draw_elastic_map(dataset)
-    for ax in panels(figure)[:3]:
-        assert np.ma.masked_invalid(meshes(ax)[-1].get_array()).mask.tolist() == [[False, False], [True, True]]
-
-
 @pytest.mark.parametrize("plane", [{"x": PLANE["x"], "y": [0.2, 0.3]}, {"y": [0.2, 0.25, 0.3], "z": PLANE["z"]}])
 def test_any_plane_can_be_drawn(plane):
     """Seen from above and along x as well; one robot, its own material."""

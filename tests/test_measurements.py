@@ -10,6 +10,14 @@ commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_
 """
 
 
+SENSORS = """commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [m],rest_length_2 [m],\
+rest_length_1_error [mm],tension_2 [kN],tension_2_error [N],swivel_1 [deg],frequency_1 [Hz],mass [g],\
+force_z [N],torque_y [N mm]
+0.4,0,0.2,0.5,0.6,1,0.03,2,90,2.5,400,-1,20
+0.4,0,0.3,0.4,0.5,,,,,,,,
+"""
+
+
 def written(tmp_path, text: str):
     path = tmp_path / "data.csv"
     path.write_text(text, encoding="utf-8")
@@ -40,25 +48,41 @@ def test_rest_lengths_are_read_in_the_order_of_their_numbers(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("file", "old", "new", "message"),
     [
-        ("measured_beta", "mesured_beta", "unknown column 'mesured_beta \\[deg\\]': did you mean 'measured_beta'"),
-        ("measured_z [mm]", "measured_z", "column 'measured_z': found no unit, expected one of m, cm, mm"),
-        ("measured_z [mm]", "measured_z [deg]", "found unit 'deg', expected one of m, cm"),
-        ("measured_z [mm]", "measured_beta [deg]", "found column 'measured_beta' twice"),
-        ("commanded_x [mm]", "commanded_alpha [deg]", "found no column 'commanded_x'"),
-        ("92.3", "nan", "line 3, column 'measured_z': found 'nan', expected a finite number"),
-        ("92.3", "92,3", "line 3: found 7 cells, expected 6"),
-        ("92.3", "high", "line 3, column 'measured_z': found 'high'"),
-        ("170,", ",", "line 3, column 'commanded_x': found nothing"),
-        (", parallel\n400", ", cogiro\n400", "found measurements of cogiro, parallel, expected those of one robot"),
+        (
+            GOOD,
+            "measured_beta",
+            "mesured_beta",
+            "unknown column 'mesured_beta \\[deg\\]': did you mean 'measured_beta'",
+        ),
+        (GOOD, "measured_z [mm]", "measured_z", "column 'measured_z': found no unit, expected one of m, cm, mm"),
+        (GOOD, "measured_z [mm]", "measured_z [deg]", "found unit 'deg', expected one of m, cm"),
+        (GOOD, "measured_z [mm]", "measured_beta [deg]", "found column 'measured_beta' twice"),
+        (GOOD, "commanded_x [mm]", "commanded_alpha [deg]", "found no column 'commanded_x'"),
+        (GOOD, "92.3", "nan", "line 3, column 'measured_z': found 'nan', expected a finite number"),
+        (GOOD, "92.3", "92,3", "line 3: found 7 cells, expected 6"),
+        (GOOD, "92.3", "high", "line 3, column 'measured_z': found 'high'"),
+        (GOOD, "170,", ",", "line 3, column 'commanded_x': found nothing"),
+        (
+            GOOD,
+            ", parallel\n400",
+            ", cogiro\n400",
+            "found measurements of cogiro, parallel, expected those of one robot",
+        ),
+        (SENSORS, "tension_2_error", "tension_3_error", "found column 'tension_3_error', expected 'tension_3' as well"),
+        (SENSORS, ",0.03,2,", ",0.03,0,", "line 2, column 'tension_2_error': found 0, expected a positive number"),
+        (SENSORS, ",2.5,400", ",-2.5,400", "frequencies: found -2.5, expected positive numbers"),
+        (SENSORS, "mass [g]", "mass [m]", "column 'mass': found unit 'm', expected one of kg, g"),
+        (SENSORS, "force_z [N]", "force_w [N]", "unknown column 'force_w \\[N\\]': did you mean 'force_"),
+        (SENSORS, "0.03,2,90,2.5", ",,,", "found no measured number"),
     ],
 )
-def test_what_is_wrong_is_said_with_line_and_column(tmp_path, old, new, message):
+def test_what_is_wrong_is_said_with_line_and_column(tmp_path, file, old, new, message):
     """One sentence each."""
-    assert old in GOOD
+    assert old in file
     with pytest.raises(cdpr.InvalidInput, match=message) as caught:
-        cdpr.read_measurements(written(tmp_path, GOOD.replace(old, new, 1)))
+        cdpr.read_measurements(written(tmp_path, file.replace(old, new, 1)))
     assert "\n" not in str(caught.value)
 
 
@@ -91,14 +115,6 @@ def test_arrays_that_do_not_fit_are_said(arguments, message):
         cdpr.Measurements.of(**arguments)
 
 
-SENSORS = """commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [m],rest_length_2 [m],\
-rest_length_1_error [mm],tension_2 [kN],tension_2_error [N],swivel_1 [deg],frequency_1 [Hz],mass [g],\
-force_z [N],torque_y [N mm]
-0.4,0,0.2,0.5,0.6,1,0.03,2,90,2.5,400,-1,20
-0.4,0,0.3,0.4,0.5,,,,,,,,
-"""
-
-
 def test_all_that_robots_measure_is_read_with_its_errors(tmp_path):
     """Tensions, swivel angles, frequencies, loads: in SI units, nan where not measured; an absent load is none."""
     found = cdpr.read_measurements(written(tmp_path, SENSORS))
@@ -116,25 +132,6 @@ def test_all_that_robots_measure_is_read_with_its_errors(tmp_path):
     later = found.with_errors({"tension": 5.0, "swivel": 0.1, "rest_length": 3e-3})
     assert later.errors[0, 6:] == pytest.approx(np.array([5, 2, 0.1, 0.1, np.nan]), nan_ok=True)
     assert later.rows([0]).values.tolist()[0][7] == 30
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("tension_2_error [N]", "tension_3_error [N]", "found column 'tension_3_error', expected 'tension_3' as well"),
-        (",0.03,2,", ",0.03,0,", "line 2, column 'tension_2_error': found 0, expected a positive number"),
-        (",2.5,400", ",-2.5,400", "frequencies: found -2.5, expected positive numbers"),
-        ("mass [g]", "mass [m]", "column 'mass': found unit 'm', expected one of kg, g"),
-        ("force_z [N]", "force_w [N]", "unknown column 'force_w \\[N\\]': did you mean 'force_"),
-        ("0.03,2,90,2.5", ",,,", "found no measured number"),
-    ],
-)
-def test_what_is_wrong_with_sensors_is_said(tmp_path, old, new, message):
-    """One sentence each."""
-    assert old in SENSORS
-    with pytest.raises(cdpr.InvalidInput, match=message) as caught:
-        cdpr.read_measurements(written(tmp_path, SENSORS.replace(old, new, 1)))
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

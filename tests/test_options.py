@@ -20,10 +20,12 @@ from cdpr_sim.physics import viewer
 
 TESTS = Path(__file__).parent
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-FILES = TESTS / "imported"
 
 AT = [0.3, 0.2, 0.1]
 SOFT = "fishing-0.4mm"
+IPANEMA = cdpr.load_robot("ipanema-1")
+TIGHT = IPANEMA.rest_lengths(IPANEMA.home, 500.0).tolist()
+"""[m]"""
 
 
 class Asked(cdpr.CdprError):
@@ -41,6 +43,10 @@ def cables(problem: cdpr.Problem) -> str | None:
 def turned(problem: cdpr.Problem) -> list[float]:
     """The commanded orientation, as the paper's angles [rad]."""
     return pytest.approx(problem.pose.rotation.as_euler("xyz").tolist())
+
+
+def cut(problem: cdpr.Problem) -> list[float]:
+    return problem.rest_lengths.tolist()
 
 
 def mass(problem: cdpr.Problem) -> float:
@@ -70,6 +76,9 @@ REACHED = [
     ("solve parallel --mass 0.7 --wrench 0,0,-1,0,0.01,0", "solve",
      {(0, mass): 0.7, (0, load): [0, 0, -1, 0, 0.01, 0]}),
     ("certify parallel --mass 0.7", "settle", {(0, mass): 0.7}),
+    ("certify parallel --material fishing-0.4mm", "settle", {(0, cables): SOFT}),
+    ("certify ipanema-1 --pretension 500", "settle", {(0, cut): TIGHT}),
+    ("equilibria two-cable --certify --time-limit 60", "certify_all", {"time_limit": 60.0}),
     ("solve parallel --pose 0.3 0.2 0.1", "solve", {(0, place): AT}),
     ("solve parallel --material fishing-0.4mm", "solve", {(0, cables): SOFT}),
     ("solve parallel --method fsolve", "solve", {"method": "fsolve"}),
@@ -267,10 +276,11 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
         ("fast-like --seconds 2", [("fast-like", 2.0)], []),
         ("fast-like --seconds 2 --drive-seconds 3", [], [("fast-like", 3.0, True)]),
         ("fast-like --seconds 2 --drop", [], [("fast-like", None, False)]),
+        ("fast-like --seconds 2 --compensate", [], [("fast-like", 2.0, True), ("fast-like, compensated", 2.0, True)]),
     ],
 )
 def test_a_film_of_cables_with_mass_is_settled_state_by_state(words, settled, driven, folder, monkeypatch):
-    """Unless a drive is asked for; each drive and the drawing have a progress bar, which their progress moves."""
+    """Unless a drive or compensation is asked for; each part of the work has a progress bar, which it moves."""
     stills, drives, bars = [], [], {}
 
     def drive(robot, *_, seconds, from_rest, progress, **options):
@@ -288,6 +298,8 @@ def test_a_film_of_cables_with_mass_is_settled_state_by_state(words, settled, dr
 
     monkeypatch.setattr("cdpr_sim.cli.picture_commands.progress_bars", recorded)
     monkeypatch.setattr(cdpr, "drive", drive)
+    monkeypatch.setattr(cdpr, "compensate", lambda robot, at, **load: (robot, at))
+    monkeypatch.setattr("cdpr_sim.crosscheck.compensation_check.held", lambda asked: cdpr.solve(*asked))
     monkeypatch.setattr("cdpr_sim.studies.robot_summary.settled_along", settled_along)
     monkeypatch.setattr(
         "cdpr_sim.studies.robot_summary.write_both_methods", lambda *args, progress, **options: progress(0.75)
@@ -295,7 +307,8 @@ def test_a_film_of_cables_with_mass_is_settled_state_by_state(words, settled, dr
     told = CliRunner().invoke(app, ["video", *words.split(), "-o", "new.mp4"])
     assert told.exit_code == 0, told.output
     assert (stills, drives) == (settled, driven)
-    assert bars == {f"MuJoCo drives {name}": 0.25 for name, *_ in driven} | {"Drawing": 0.75}
+    compensating = {"Compensating fast-like": 1.0} if "--compensate" in words else {}
+    assert bars == {f"MuJoCo drives {name}": 0.25 for name, *_ in driven} | compensating | {"Drawing": 0.75}
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

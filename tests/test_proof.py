@@ -288,17 +288,6 @@ def test_equilibria_of_both_methods_are_proved(case):
         assert (np.maximum(ends[0][0], ends[1][0]) <= np.minimum(ends[0][1], ends[1][1])).all()
 
 
-def test_random_poses_are_proved():
-    """Of the paper's spatial robots, soft and stiff."""
-    random = np.random.default_rng(0)
-    for name in ("cogiro", "parallel"):
-        for EA in (1e2, 1e6):
-            robot = cdpr.load_robot(name).replace(axial_stiffness=EA)
-            for _ in range(4):
-                found = cdpr.certify(cdpr.solve(robot, random.uniform([0.1, 0.1, 0.05], [0.7, 0.4, 0.4])))
-                assert found.proved, found.reasons
-
-
 def test_a_saddle_is_proved_with_its_unstable_directions():
     """The bar turned over on its two cables: it exists, and leaves along one direction."""
     robot = cdpr.load_robot("two-cable")
@@ -489,15 +478,3 @@ def test_bounds_are_rounded_outwards():
         assert exact(lower(third)) <= third
         assert exact(upper(third)) >= third
         assert upper(third) <= math.nextafter(lower(third), 1)
-
-
-def test_a_certificate_is_of_the_cables_and_the_pretension_that_are_asked_for():
-    """Each option gives another proved pose; `equilibria --certify` has a limit of time."""
-    for robot, *option in (("two-cable", "--material", "fishing-0.4mm"), ("ipanema-1", "--pretension", "500")):
-        plain, other = run("certify", robot, "--json"), run("certify", robot, *option, "--json")
-        assert plain.exit_code == other.exit_code == 0
-        assert plain.stdout != other.stdout
-    run("certify", "two-cable", "--material", "fishing-0.4mm", "--json")
-    run("certify", "ipanema-1", "--pretension", "500", "--json")
-    all_of_them = run("equilibria", "two-cable", "--certify", "--time-limit", "60")
-    assert all_of_them.exit_code == 0

@@ -15,19 +15,14 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim import RigidLengths
-from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.status import Status
-from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare as comparing
 from cdpr_sim.crosscheck import layout_validation as proving
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
-from cdpr_sim.drawing import maps
 from cdpr_sim.physics import sensing
 from cdpr_sim.physics.release import Release
-from cdpr_sim.studies import lines as studies
-from cdpr_sim.studies import lines_figures as figures
 
 FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}
 """Of each method's numbers the first digit."""
@@ -193,35 +188,6 @@ def shifted(equilibria: EquilibriumBatch, by: float) -> EquilibriumBatch:
     )
 
 
-def test_check_compares_what_both_methods_say(monkeypatch):
-    """Errors are MuJoCo's answers less the solver's; cross residuals are each method's at the other's poses."""
-    settle, solve, seen = checking.settle_many, checking.solve_many, {}
-
-    def settled(problems, threads):
-        seen["settled"] = shifted(settle(problems, threads=threads), 1e-8)
-        return seen["settled"]
-
-    def solved(problems):
-        seen["solved"] = shifted(solve(problems), -2e-8)
-        return seen["solved"]
-
-    def residuals(problems, poses, threads):
-        seen["asked"] = np.array(poses.translation)
-        return 7e-9 * np.arange(1, len(problems) + 1)
-
-    monkeypatch.setattr(checking, "settle_many", settled)
-    monkeypatch.setattr(checking, "solve_many", solved)
-    monkeypatch.setattr(comparing, "residuals_of", residuals)
-    dataset = cdpr.check("cogiro", {"x": [0.3, 0.4, 0.5]}).dataset
-    apart = np.linalg.norm(seen["settled"].positions - seen["solved"].positions, axis=1)
-    assert apart == pytest.approx([3e-8, 6e-8, 9e-8], abs=5e-9)
-    assert dataset["position_error"].values.ravel().tolist() == apart.tolist()
-    tensions = np.abs(seen["settled"].tensions - seen["solved"].tensions).max(1)
-    assert dataset["tension_error"].values.ravel().tolist() == tensions.tolist()
-    np.testing.assert_array_equal(seen["asked"], seen["solved"].positions)
-    assert dataset["static_in_mujoco"].values.ravel().tolist() == [7e-9, 14e-9, 21e-9]
-
-
 def test_compare_asks_each_method_about_the_other(monkeypatch):
     """MuJoCo's recorder is asked about the static pose, and its number is what is said of it."""
     robot = cdpr.load_robot("cogiro")
@@ -235,31 +201,6 @@ def test_compare_asks_each_method_about_the_other(monkeypatch):
     np.testing.assert_array_equal(asked[0].translation[0], static.position)
     assert agreement.settled_in_statics < 1e-6
     assert any("MuJoCo at the static pose has a residual of 1.2e+02 N" in reason for reason in agreement.reasons)
-
-
-def test_sweep_and_map_show_what_the_solver_says(monkeypatch):
-    """Every variable, and every colour in the map."""
-    solve, seen = sweeping.solve_many, []
-
-    def solved(*args, **options):
-        seen.append(shifted(solve(*args, **options), 1e-3))
-        return seen[-1]
-
-    monkeypatch.setattr(sweeping, "solve_many", solved)
-    monkeypatch.setattr(sweeping, "_blocks", lambda *_: {"x": 3, "y": 1, "z": 2})
-    dataset = cdpr.sweep("cogiro", {"x": [0.3, 0.4, 0.5], "z": [0.1, 0.2]}, chunk=None)
-    (equilibria,) = seen
-    assert dataset["distance"].values.ravel() == pytest.approx(np.linalg.norm(equilibria.deviation, axis=-1).ravel())
-    for name, values in (
-        ("tilt", equilibria.tilt),
-        ("tensions", equilibria.tensions),
-        ("residual", equilibria.residuals),
-    ):
-        assert dataset[name].values.ravel().tolist() == np.ravel(values).tolist()
-    figure = maps.draw_elastic_map(dataset, names=["distance", "tilt"])
-    drawn = [np.asarray(ax.collections[0].get_array()).T for ax in figure.axes if ax.get_label() == "panel"]
-    assert drawn[0].ravel() == pytest.approx(1e3 * dataset["distance"].values.ravel())
-    assert drawn[1].ravel() == pytest.approx(np.degrees(dataset["tilt"].values.ravel()))
 
 
 def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
@@ -291,26 +232,6 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
 
 
 # --- pictures and motions -----------------------------------------------------------------------------------------
-
-
-def test_figures_draw_each_method_as_itself(monkeypatch):
-    """Points are MuJoCo's answers and lines the solver's, along the paper's line and across the width."""
-    settle, solve = studies.settle_many, studies.solve_many
-    monkeypatch.setattr(studies, "settle_many", lambda *asked: shifted(settle(*asked), 1e-2))
-    monkeypatch.setattr(studies, "solve_many", lambda *asked: shifted(solve(*asked), -1e-3))
-    robot = cdpr.load_robot("parallel")
-    line = studies.line(robot, 0.1, (0.3, 0.5), static_rows=5, settled_rows=3)
-    assert {line.static.source, line.settled.source} == {"newton", "mujoco"}
-    drawn = {a.get_gid(): a for ax in figures.paper_line([line]).axes for a in ax.lines if a.get_gid()}
-    label = f"{robot.name}, {robot.material}"
-    for method, equilibria in (("static", line.static), ("mujoco", line.settled)):
-        assert drawn[f"{method} {label}"].get_xdata().tolist() == equilibria.positions[:, 0].tolist()
-        assert drawn[f"{method} {label}"].get_ydata().tolist() == np.degrees(equilibria.euler[:, 1]).tolist()
-    width = studies.Width(line.static, (line,), np.empty((0, 3)))
-    drawn = {a.get_gid(): a for ax in figures.spatial(width).axes for a in ax.lines if a.get_gid()}
-    for cable in range(8):
-        assert drawn[f"mujoco {cable}"].get_ydata().tolist() == line.settled.tensions[:, cable].tolist()
-    assert drawn["static 0"].get_ydata().tolist() == line.static.tensions[:, 0].tolist()
 
 
 def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_path):

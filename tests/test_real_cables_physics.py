@@ -19,6 +19,7 @@ from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.settle_chains import single
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
+from cdpr_sim.physics.tendons import let_out
 from cdpr_sim.robots.catalogue import load_robot
 
 ROUNDING = 1e-14
@@ -83,6 +84,17 @@ def test_mujocos_spring_follows_the_law(stiffening, strain):
     eps = (0.8 - rest) / rest
     expected = 700 * (eps + stiffening[0] * eps**2 + stiffening[1] * eps**3) if strain > 0 else 0.0
     assert_allclose(data.qfrc_spring[2], expected, rtol=LAW)
+
+
+def test_a_winch_lets_out_cable_of_the_same_law():
+    """Each length makes a spring of its own: EA (eps + a2 eps² + a3 eps³), eps by the length that is out now."""
+    robot = Robot([[0, 0, 2]], [[0, 0, 0]], 700.0, 1.0, stiffening=(4.0, 9.0), platform_size=(0.1, 0.1, 0.1))
+    model, data = simulated(robot, [0, 0, 1.2], [0.79])
+    equilibria = np.array([[0.79], [0.7], [0.6]])
+    for rest, _ in zip(equilibria[:, 0], let_out(model, robot.cabling, equilibria), strict=False):
+        mujoco.mj_forward(model, data)
+        eps = (0.8 - rest) / rest
+        assert_allclose(data.qfrc_spring[2], 700 * (eps + 4 * eps**2 + 9 * eps**3), rtol=LAW)
 
 
 def test_the_law_is_written_only_where_there_is_one():

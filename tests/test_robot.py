@@ -35,12 +35,37 @@ def robot(**changes) -> cdpr.Robot:
         (dict(mobility="flat"), "unknown mobility 'flat': .*planar, spatial"),
         (dict(mobility="planar"), r"exits of cable 3: found y = 1 m, expected 0: a planar robot"),
         (dict(anchors=np.zeros((3, 3))), "platform_size: not given"),
+        (dict(linear_density=-1.0), "linear_density: found -1 kg/m in cable 1"),
+        (dict(pulley_radius=[0, 0, -0.1]), "pulley_radius: found -0.1 m in cable 3"),
+        (dict(pulley_radius=[0, 1e-7, 0]), "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point"),
+        (dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
+        (dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),
     ],
 )
 def test_bad_robot_is_refused_with_the_field_and_what_is_expected(changes, words):
     """A robot that cannot be right never exists, and the message says which field is wrong."""
     with pytest.raises(cdpr.CdprError, match=words):
         robot(**changes)
+
+
+@pytest.mark.parametrize(
+    ("law", "rises"),
+    [
+        ((0.0, -8.0), True),  # 1 − 24 eps² is 0.04 at a strain of 20 %
+        ((0.0, -9.0), False),
+        ((-3.0, 0.0), False),
+        ((-13.0, 50.0), False),  # by 1 − 26 eps + 150 eps², in between
+        ((-20.0, 135.0), True),  # 1 − 40 eps + 3 a3 eps² has its least, 1 − 400/(3 a3), at 20/(3 a3)
+        ((-20.0, 132.0), False),
+    ],
+)
+def test_a_law_has_to_rise_up_to_a_strain_of_20_percent(law, rises):
+    """Also one that falls in between only."""
+    if rises:
+        assert robot(stiffening=law).stiffening.tolist() == [[*law]] * 3
+        return
+    with pytest.raises(cdpr.InvalidInput, match=r"stiffening: .* tension falls before a strain of 20%"):
+        robot(stiffening=law)
 
 
 def test_robot_is_frozen_down_to_its_arrays():
@@ -199,18 +224,6 @@ def test_rotations_are_compared_by_the_anchors_distance():
     assert robot(anchors=anchors).characteristic_length == pytest.approx(np.sqrt((9 + 16 + 25) / 3) / 100)
     point = robot(anchors=np.zeros((3, 3)), platform_size=(0.02, 0.03, 0.06))
     assert point.characteristic_length == pytest.approx(0.035)
-
-
-def test_a_law_that_just_rises_is_taken():
-    """1 − 24 eps² is 0.04 at a strain of 20 %."""
-    assert robot(stiffening=(0.0, -8.0)).cabling.stiffening.tolist() == [[0.0, -8.0]] * 3
-
-
-def test_a_law_that_falls_in_between_is_refused():
-    """1 − 40 eps + 3 a3 eps² has its least, 1 − 400/(3 a3), at 20/(3 a3): at a3 = 132 below zero, at 135 above."""
-    assert robot(stiffening=(-20.0, 135.0)).cabling.stiffening.tolist() == [[-20.0, 135.0]] * 3
-    with pytest.raises(cdpr.InvalidInput, match="expected an increasing law"):
-        robot(stiffening=(-20.0, 132.0))
 
 
 @pytest.mark.parametrize(

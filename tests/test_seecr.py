@@ -6,25 +6,11 @@ from scipy.optimize import OptimizeResult
 import cdpr_sim as cdpr
 from cdpr_sim.statics import seecr
 
-SAME_POSITION = 1e-6
-"""[m] SciPy stops at 1.5e-8 relative; DemoBot's softest direction is some 10 N/m under a tolerance of 4e-6 N."""
-
 
 def test_first_guess_falls_by_the_mean_vertical_component(catalogue):
     """m g l_vmean/EA on two-cable: exits at z = 0.5 m, anchors at the platform's own height."""
     problem = cdpr.Problem.of(catalogue["two-cable"], (0.4, 0, 0.2))
     np.testing.assert_allclose(seecr.initial_deviation(problem), [0, 0, -0.4 * 9.81 * 0.3 / 10e3, 0, 0, 0])
-
-
-@pytest.mark.parametrize("method", ["fsolve", "least_squares"])
-def test_seecr_finds_what_newton_finds_where_no_cable_goes_slack(catalogue, method):
-    """On the Cogiro layout the paper's solver works all along its line."""
-    robot = catalogue["cogiro"]
-    for pose in paper_line(robot, 5):
-        ours, theirs = cdpr.solve(robot, pose), cdpr.solve(robot, pose, method=method)
-        np.testing.assert_allclose(theirs.position, ours.position, atol=SAME_POSITION)
-        assert theirs.source == f"seecr/{method}"
-        assert theirs.iterations > 0
 
 
 def test_stalled_least_squares_is_not_an_answer(catalogue):
@@ -35,6 +21,7 @@ def test_stalled_least_squares_is_not_an_answer(catalogue):
     stalled = error.value.equilibrium
     assert stalled is not None
     assert stalled.residual > 0.1
+    assert stalled.source == "seecr/least_squares"
     truth = cdpr.solve(robot, (0.285, 0.25, 0.1))
     assert np.degrees(truth.tilt - stalled.tilt) > 4
 
@@ -52,6 +39,7 @@ def test_every_answer_of_seecr_is_an_equilibrium(catalogue):
                 assert failure.equilibrium.residual > seecr.RESIDUAL_TOLERANCE * robot.weight
             else:
                 assert result.residual <= seecr.RESIDUAL_TOLERANCE * robot.weight
+                assert result.iterations > 0
                 answers += 1
     assert answers > 0
 

@@ -151,6 +151,16 @@ def test_a_saddle_that_newtons_method_found_is_left_again(monkeypatch):
 # --- what is read out of MuJoCo ------------------------------------------------------------------------------------
 
 
+def test_a_cable_that_pushes_shows_a_negative_tension():
+    """Let the spring of a slack cable push (a negative control): the tension read out is negative, and not zero."""
+    problem = Problem.of(load_robot("parallel"), [0.17, 0.25, 0.1])
+    model = model_of(problem)
+    slack = int(np.flatnonzero(settle(problem.robot, problem.pose).slack)[0])
+    model.tendon_lengthspring[slack, 0] = model.tendon_lengthspring[slack, 1]
+    rest = settle(problem.robot, problem.pose, model=model)
+    assert rest.tensions[slack] < -0.01
+
+
 def test_residual_of_a_pose_is_what_plain_mujoco_finds_there():
     """Zero at the settled pose, and elsewhere the force that an independent model shows; of many as of one."""
     rest = settle(load_robot("planar-vertical"), [0.2, 0, 0.1])

@@ -6,18 +6,15 @@ The results are made up, all of their numbers different, so that no two could be
 import dataclasses
 import inspect
 import io
-import json
 import math
 from unittest.mock import Mock
 
-import mujoco
 import numpy as np
 import pytest
 import xarray as xr
 from rich.console import Console
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import t
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import Compensation, CompensationOutcome
@@ -25,7 +22,6 @@ from cdpr_sim.analysis.equilibria import Equilibria, LoadPath
 from cdpr_sim.analysis.identification import Identification, Outlier
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
-from cdpr_sim.cli import app
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
@@ -198,37 +194,6 @@ def test_a_problem_and_an_agreement_say_each_number_under_its_name():
             ("slack cables", told), ("MuJoCo's residual at the static equilibrium [N]", "5.0e+00"),
             ("static residual at MuJoCo's equilibrium [N]", "6.0e+00"),
         ]  # fmt: skip
-
-
-def broken(problem: cdpr.Problem, settle=cdpr.settle, progress: bool = False) -> cdpr.Equilibrium:
-    """MuJoCo's method with springs half as stiff."""
-    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem.robot, problem.pose))
-    model.tendon_stiffness[:] *= 0.5
-    return settle(problem, model=model, progress=progress)
-
-
-def test_mujocos_column_is_mujocos(monkeypatch):
-    """A model that is broken on purpose shows in its column and its JSON, and nowhere else."""
-    problem = cdpr.Problem.of(cdpr.load_robot("parallel"), (0.38, 0.25, 0.1))  # where SEECR needs few steps
-    physics, statics = broken(problem), cdpr.solve(problem)
-    assert np.abs(physics.position - statics.position)[[0, 2]].min() > 2e-6  # in the last digit that is shown
-    monkeypatch.setattr(cdpr, "settle", broken)
-    words = ["settle", "parallel", "--pose", "0.38", "0.25", "0.1"]
-    lines = CliRunner().invoke(app, words, env={"COLUMNS": "120"}).stdout.splitlines()
-    for axis, name in enumerate("xyz"):
-        shown = cells(lines, f"{name} [mm]", 4)
-        assert shown[0] == f"{1e3 * physics.position[axis]:.3f}"
-        assert shown[1] == f"{1e3 * statics.position[axis]:.3f}"
-    for cable in np.flatnonzero(~physics.slack):
-        shown = cells(lines, f"tension {cable + 1} [N]", 4)
-        assert shown[:2] == [f"{physics.tensions[cable]:.4f}", f"{statics.tensions[cable]:.4f}"]
-    told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
-    assert told["agrees"] is False
-    assert told["results"]["mujoco"]["position"] == physics.position.tolist()
-    assert told["results"]["mujoco"]["tensions"] == physics.tensions.tolist()
-    assert told["results"]["newton"]["position"] == statics.position.tolist()
-    assert told["results"]["mujoco"]["source"] == "mujoco"
-    assert told["results"]["newton"]["source"] == "newton"
 
 
 def test_a_line_is_listed_with_how_far_the_methods_are_apart():
