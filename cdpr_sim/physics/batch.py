@@ -239,7 +239,7 @@ class Simulations:
     @property
     def pull(self) -> Float[np.ndarray, " rows"]:
         """The sum of all tensions [N], as of MuJoCo's last call: it controls the motion, and is not a result."""
-        return tendons.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
+        return (self.springs * np.maximum(self._lengths - self.band[:, :, 1], 0)).sum(1) * self.unit
 
     @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:

@@ -13,7 +13,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.damping import Damping, loss_factor
-from cdpr_sim.physics.mjcf import scene_mjcf, settling_drag, to_mjcf
+from cdpr_sim.physics.mjcf import scene_mjcf, settling_air, to_mjcf
 from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 
 PICTURE, INDEX = "robot.png", "robots.png"
@@ -184,7 +184,7 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
 def _damped(problem: Problem, damping: Damping) -> str:
     factor, robot = loss_factor(damping), problem.robot
     if factor is None:
-        drag = settling_drag(problem)
+        drag, _ = settling_air(problem)
         words = (
             f"an artificial drag on the platform, {drag:.3g} N s/m, brings the models to rest soon, without overshoot. "
             "It does not change the equilibrium, but no real platform has it"

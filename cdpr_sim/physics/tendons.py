@@ -160,15 +160,6 @@ def polynomial(
     return powers * coefficients / np.stack([squares, squares * ropes], axis=-1)
 
 
-def pull(
-    lengths: Float[np.ndarray, "rows cables"],
-    bands: Float[np.ndarray, "rows cables 2"],
-    stiffnesses: Float[np.ndarray, "rows cables"],
-) -> Float[np.ndarray, "rows cables"]:
-    """Pull of each linear tendon: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
-    return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
-
-
 def force(
     stretches: Float[np.ndarray, "*batch"],
     stiffness: Float[np.ndarray, "*#batch"],
