@@ -504,7 +504,6 @@ class _ChainMachine(Machine):
                 lengths = np.where(by_tension, self._within(held, most), lengths)
             return lengths
 
-        while (left := seconds - passed) > ROUNDING * self._longest:
-            passed += self._chains.step(left / np.ceil(left / self._longest - ROUNDING), let_out, passed)
+        for passed in self._chains.steps(seconds, let_out):
             self.let_out = self._chains.let_out
             yield passed
