@@ -502,7 +502,7 @@ def quiet() -> Iterator[None]:
     """
     with _quiet_lock:
         _quiet_users.append(mujoco.get_mju_user_warning() if not _quiet_users else None)
-        mujoco.set_mju_user_warning(_ignore)
+        mujoco.set_mju_user_warning(lambda message: None)
     try:
         yield
     finally:
@@ -511,7 +511,3 @@ def quiet() -> Iterator[None]:
             _quiet_users.pop()
             if not _quiet_users:
                 mujoco.set_mju_user_warning(previous)
-
-
-def _ignore(message: str) -> None:
-    pass

@@ -140,7 +140,8 @@ def to_mjcf(
     option = add(root, "option", timestep=step, integrator=integrator, gravity=gravity, viscosity=air)
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
-    tendons.add_exits(world, robot.cabling)
+    for i, position in enumerate(robot.exits, start=1):
+        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _add_platform(world, robot, problem.pose, brake if kind else None, contact)
@@ -345,7 +346,8 @@ def _add_platform(
     box = {"name": "platform", "class": "drawn", "type": "box"}
     colliding = COLLIDING if contact else {}
     add(body, "geom", box, size=robot.platform_size / 2, rgba=PLATFORM_COLOR, **colliding)
-    tendons.add_anchors(body, robot.cabling)
+    for i, position in enumerate(robot.anchors, start=1):
+        add(body, "site", {"name": f"anchor_{i}", "class": "anchor"}, pos=position)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body

@@ -39,18 +39,6 @@ NOTHING = 1e-200
 not even by rounding."""
 
 
-def add_exits(world: ET.Element, cabling: Cabling) -> None:
-    """The sites ``exit_1``, ... at which cables enter the scene."""
-    for i, position in enumerate(cabling.exits, start=1):
-        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
-
-
-def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
-    """The sites ``anchor_1``, ... at which cables pull on the platform."""
-    for i, position in enumerate(cabling.anchors, start=1):
-        add(platform, "site", {"name": f"anchor_{i}", "class": "anchor"}, pos=position)
-
-
 def add_tendons(
     root: ET.Element,
     problem: Problem,

@@ -95,12 +95,12 @@ class ChainRelaxation:
         at_once = self.frames is None and bool(simulations.chains.over.any())
         if at_once:
             self.approach_from_afar(simulations.all)
-            simulations.let_go(self._unsettled)
+            simulations.restart(self._unsettled)
         self.run(self._unsettled)
-        simulations.let_go(self._unsettled)
+        simulations.restart(self._unsettled)
         if not at_once:
             self.approach_from_afar(self._unsettled)
-            simulations.let_go(self._unsettled)
+            simulations.restart(self._unsettled)
         left = self._unsettled
         if len(left):
             self.longest[left] = LONGEST_AGAIN
@@ -156,13 +156,13 @@ class ChainRelaxation:
                     self.say(int(row), f"{self.steps[row]} time steps, {left:.1e} N of {load:.3g} N unbalanced")
             self.stepping.adapt_to(calm, residual)
             true = simulations.true(calm)
-            apart = np.where(true, self._unbalanced(calm), np.inf)
+            unbalanced = np.where(true, self._unbalanced(calm), np.inf)
             rest = calm[(residual <= self.target[calm]) & true]
             self.status[rest[self._at_rest(rest)]] = Status.CONVERGED
-            near = (apart <= close[calm]) & (self.status[calm] != Status.CONVERGED)
+            near = (unbalanced <= close[calm]) & (self.status[calm] != Status.CONVERGED)
             self._approach(calm[near])
             going = self.status[calm] != Status.CONVERGED
-            close[calm] = np.where(near, np.minimum(close[calm], 0.1 * apart), close[calm])
+            close[calm] = np.where(near, np.minimum(close[calm], 0.1 * unbalanced), close[calm])
             self._adapt(calm[going], residual[going])
             moving = live[self.status[live] == Status.ITERATION_LIMIT]
         failed = at[self.status[at] != Status.CONVERGED]
@@ -262,5 +262,7 @@ class ChainRelaxation:
         """Unbalanced forces, as fractions of the load and of each chain's weight."""
         simulations = self.simulations
         platform, slides = simulations.forces(at)
-        apart = (np.abs(slides) / simulations.weights[at][..., None]).max((1, 2))
-        return apart if simulations.held else np.maximum(apart, np.abs(platform).max(1) / simulations.load[at])
+        unbalanced = (np.abs(slides) / simulations.weights[at][..., None]).max((1, 2))
+        return (
+            unbalanced if simulations.held else np.maximum(unbalanced, np.abs(platform).max(1) / simulations.load[at])
+        )
