@@ -34,9 +34,8 @@ from cdpr_sim.physics.winches import (
     RELAXATION_TIME,
     WINCH_SPEED,
     Kind,
-    add_damped_cables,
+    add_actuators,
     add_drums,
-    add_winches,
     kind_of,
     largest_forces,
     steady_step,
@@ -167,11 +166,9 @@ def to_mjcf(
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         add(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    if kind:
+    if driven:
         limits = {"forces": forces, "speed": speed}
-        add_winches(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
-    elif factor:
-        add_damped_cables(root, robot, springs, uneven, times)
+        add_actuators(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose.apply(robot.anchors))[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
