@@ -122,7 +122,7 @@ def test_a_load_acts_again_after_a_motion_that_diverged():
     loads = simulation.batch.body("origin")
     simulation.batch.reset()
     assert not loads.xfrc_applied.any()
-    simulation.let_go(simulation.all)
+    simulation.restart(simulation.all)
     assert (loads.xfrc_applied[0] == problem.external_wrench).all()
 
 

@@ -11,7 +11,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.controller import Reference
 from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.physics.mjcf import air_viscosity
+from cdpr_sim.physics.mjcf import settling_air
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
 from cdpr_sim.physics.sagging.settle_chains import at_rest
 
@@ -51,7 +51,7 @@ def wound(name: str, *, slack: float = 1.0, as_written: bool = False) -> tuple[n
     lengths = robot.rest_lengths(goal)
     simulation = at_rest(problem, problem.pose)
     masses = simulation.masses.copy()
-    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing[0]), viscosity=air_viscosity(problem))
+    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing[0]), viscosity=settling_air(problem)[1])
     change = lengths - problem.rest_lengths
     motion.advance(2.0, lambda passed: problem.rest_lengths + min(passed / 2.0, 1.0) * change)
     if as_written:

@@ -92,7 +92,7 @@ def balanced(aside: float) -> Simulations:
     simulations.start(Problems.of(TOP_HEAVY, [[0, 0, 0.5]]), own_springs=False)
     relaxation = dynamic_relaxation.Relaxation(simulations, [])
     relaxation.run()
-    assert relaxation.settled.all()
+    assert (relaxation.status == Status.CONVERGED).all()
     simulations.qpos[:] = relaxation.qpos + np.array([aside, 0, 0])
     return simulations
 

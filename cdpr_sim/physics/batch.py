@@ -239,7 +239,7 @@ class Simulations:
     @property
     def pull(self) -> Float[np.ndarray, " rows"]:
         """The sum of all tensions [N], as of MuJoCo's last call: it controls the motion, and is not a result."""
-        return tendons.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
+        return (self.springs * np.maximum(self._lengths - self.band[:, :, 1], 0)).sum(1) * self.unit
 
     @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:
@@ -502,7 +502,7 @@ def quiet() -> Iterator[None]:
     """
     with _quiet_lock:
         _quiet_users.append(mujoco.get_mju_user_warning() if not _quiet_users else None)
-        mujoco.set_mju_user_warning(_ignore)
+        mujoco.set_mju_user_warning(lambda message: None)
     try:
         yield
     finally:
@@ -511,7 +511,3 @@ def quiet() -> Iterator[None]:
             _quiet_users.pop()
             if not _quiet_users:
                 mujoco.set_mju_user_warning(previous)
-
-
-def _ignore(message: str) -> None:
-    pass

@@ -568,8 +568,8 @@ def hang(
     here, close = laid(pulls), CLOSED * rest.sum(1)[:, 0]
     sought = ~folded
     for _ in range(LAYINGS):
-        _, off, apart, along, turning, give, swivelling, outwards = here
-        sought &= apart > close
+        _, off, gap, along, turning, give, swivelling, outwards = here
+        sought &= gap > close
         slope = turning.sum(1)[..., None] * np.eye(3)
         slope += ((give[..., None] - turning) * along).swapaxes(1, 2) @ along
         sideways = turned @ outwards[..., None]
@@ -581,15 +581,15 @@ def hang(
         step[sought] = np.linalg.solve(slope[sought], off[sought, :, None])[..., 0]
         for _ in range(SHORTER):
             here = laid(pulls + step)
-            worse = sought & (here[2] > apart)
+            worse = sought & (here[2] > gap)
             if not worse.any():
                 break
             step[worse] *= 0.5
         else:
             here = laid(pulls + step)
         pulls = pulls + step
-    segments, _, apart = here[:3]
-    return segments[:, :-1], apart <= close
+    segments, _, gap = here[:3]
+    return segments[:, :-1], gap <= close
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -29,7 +29,7 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
 from cdpr_sim.physics.batch import quiet, simulations_of
 from cdpr_sim.physics.chains import refuse_short
-from cdpr_sim.physics.mjcf import TIMESTEP, air_viscosity, place, to_mjcf
+from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_air, to_mjcf
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
 from cdpr_sim.physics.settle import settle, weighs, without_weight
@@ -234,7 +234,7 @@ def _on_chains(
     robot, intervals = problems.robot, len(problems) - 1
     simulation = settle_chains.at_rest(first, start) if from_rest else settle_chains.single(first, start)
     longest = max(TIMESTEP, SMOOTH / simulation.swing[0])
-    motion = ChainMotion(simulation, longest, viscosity=air_viscosity(Problem.of(robot, first.pose)))
+    motion = ChainMotion(simulation, longest, viscosity=settling_air(Problem.of(robot, first.pose))[1])
     interval = seconds / intervals
     pieces = max(1, int(np.ceil(interval / longest)))
     for k in range(len(problems)):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,9 +23,6 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
 from cdpr_sim.physics.batch import MOST_IDLE, SimulationReading, Simulations
 from cdpr_sim.physics.newton_finish import finish
-
-if TYPE_CHECKING:
-    from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation
 
 RESIDUAL = 1e-9
 """Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
@@ -280,9 +277,15 @@ class Relaxation:
 
 
 def settled(
-    relaxation: Relaxation | ChainRelaxation, reading: SimulationReading, read: Callable[[], SimulationReading]
+    relaxation: Any, reading: SimulationReading, read: Callable[[], SimulationReading]
 ) -> dict[str, np.ndarray]:
-    """Columns of an ``EquilibriumBatch`` after a ``relaxation``, with a nudge of platforms that are at saddles."""
+    """Columns of an ``EquilibriumBatch`` after a relaxation, with a nudge of platforms that are at saddles.
+
+    Args:
+        relaxation: a ``Relaxation``, or the ``ChainRelaxation`` of cables with mass.
+        reading: the state after it.
+        read: reads the state again.
+    """
     robot = relaxation.simulations.robot
     for _ in range(NUDGES):
         saddles = (relaxation.status == Status.CONVERGED) & reading.unstable

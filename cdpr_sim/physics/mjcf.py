@@ -34,9 +34,8 @@ from cdpr_sim.physics.winches import (
     RELAXATION_TIME,
     WINCH_SPEED,
     Kind,
-    add_damped_cables,
+    add_actuators,
     add_drums,
-    add_winches,
     kind_of,
     largest_forces,
     steady_step,
@@ -130,17 +129,18 @@ def to_mjcf(
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
-    drag, _ = _air(problem)
+    drag, viscosity = settling_air(problem)
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     step = min(TIMESTEP, rounded_down(steady_step(robot, forces))) if kind and np.isfinite(forces).all() else TIMESTEP
     integrator = "discrete" if robot.cabling.massless and settling else "implicitfast"
-    viscosity = air_viscosity(problem) if settling and not kind else None
+    air = viscosity if settling and not kind else None
     gravity = [0, 0, -robot.gravity]
-    option = add(root, "option", timestep=step, integrator=integrator, gravity=gravity, viscosity=viscosity)
+    option = add(root, "option", timestep=step, integrator=integrator, gravity=gravity, viscosity=air)
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
-    tendons.add_exits(world, robot.cabling)
+    for i, position in enumerate(robot.exits, start=1):
+        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _add_platform(world, robot, problem.pose, brake if kind else None, contact)
@@ -166,11 +166,9 @@ def to_mjcf(
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         add(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    if kind:
+    if driven:
         limits = {"forces": forces, "speed": speed}
-        add_winches(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
-    elif factor:
-        add_damped_cables(root, robot, springs, uneven, times)
+        add_actuators(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose.apply(robot.anchors))[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
@@ -274,37 +272,23 @@ def since_written(
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
     """Put the platform of one simulation at ``pose``, with its wheels, and its chains in an approximate profile."""
-    place_platform(model, data, robot, pose)
+    start = coordinates(robot, pose)
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
+        start = since_written(start, model.body("platform").quat)
+    data.qpos[: len(start)] = start
     if not robot.cabling.massless:
         chains.Chains.of(model, robot.cabling).place(model, data, robot, pose)
     pulleys.toward_anchors(model, data, robot)
 
 
-def place_platform(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
-    """Put the platform of one simulation at ``pose``, and nothing else."""
-    start = coordinates(robot, pose)
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
-        start = since_written(start, model.body("platform").quat)
-    data.qpos[: len(start)] = start
+def settling_air(problem: Problem) -> tuple[float, float]:
+    """Drag of the platform in a model with the damping ``"settle"`` [N s/m], and viscosity of its air [Pa s].
 
-
-def settling_drag(problem: Problem) -> float:
-    """Drag [N s/m] of the platform in a model with the damping ``"settle"``."""
-    return _air(problem)[0]
-
-
-def air_viscosity(problem: Problem) -> float:
-    """Viscosity of the air of a model without winches [Pa s]."""
-    drag, size = _air(problem)
-    return drag / (3 * np.pi * size)
-
-
-def _air(problem: Problem) -> tuple[float, float]:
-    """Drag [N s/m] that critically damps the slowest oscillation, of a pendulum as long as the cables; a length [m].
+    It critically damps the slowest oscillation, that of a pendulum as long as the cables.
 
     A damping coefficient of a free joint is the same number for translation and rotation, whose units differ; a viscous
-    medium has separate ones. MuJoCo's drag on a body is 3 pi d eta v, and pi d³ eta against rotation, with d the length
-    returned here: the mean edge of the box that has the body's mass and inertia.
+    medium has separate ones. MuJoCo's drag on a body is 3 pi d eta v, and pi d³ eta against rotation, with d the mean
+    edge of the box that has the body's mass and inertia.
     """
     robot = problem.robot
     moments = np.empty(3)
@@ -312,7 +296,8 @@ def _air(problem: Problem) -> tuple[float, float]:
     edges = np.sqrt(np.maximum(6 / robot.mass * (moments.sum() - 2 * moments), 0))
     swing = np.sqrt((robot.gravity or STANDARD_GRAVITY) / problem.rest_lengths.mean())
     # Rounded: the last digits of principal moments differ between versions of MuJoCo.
-    return float(2 * robot.mass * swing), float(f"{edges.mean():.12g}")
+    drag, size = float(2 * robot.mass * swing), float(f"{edges.mean():.12g}")
+    return drag, drag / (3 * np.pi * size)
 
 
 def _defaults(robot: Robot) -> ET.Element:
@@ -358,7 +343,8 @@ def _add_platform(
     box = {"name": "platform", "class": "drawn", "type": "box"}
     colliding = COLLIDING if contact else {}
     add(body, "geom", box, size=robot.platform_size / 2, rgba=PLATFORM_COLOR, **colliding)
-    tendons.add_anchors(body, robot.cabling)
+    for i, position in enumerate(robot.anchors, start=1):
+        add(body, "site", {"name": f"anchor_{i}", "class": "anchor"}, pos=position)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body

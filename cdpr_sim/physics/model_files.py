@@ -13,7 +13,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.damping import Damping, loss_factor
-from cdpr_sim.physics.mjcf import scene_mjcf, settling_drag, to_mjcf
+from cdpr_sim.physics.mjcf import scene_mjcf, settling_air, to_mjcf
 from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 
 PICTURE, INDEX = "robot.png", "robots.png"
@@ -184,20 +184,20 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
 def _damped(problem: Problem, damping: Damping) -> str:
     factor, robot = loss_factor(damping), problem.robot
     if factor is None:
-        drag = settling_drag(problem)
-        words = (
+        drag, _ = settling_air(problem)
+        sentences = (
             f"an artificial drag on the platform, {drag:.3g} N s/m, brings the models to rest soon, without overshoot. "
             "It does not change the equilibrium, but no real platform has it"
         )
         if robot.gravity:
             rate = drag / robot.mass
             speed = robot.gravity / rate * -math.expm1(-rate * CUT_LOOSE)
-            words += (
+            sentences += (
                 f": cut loose, this one falls with {speed:.2g} m/s after half a second, in vacuum with "
                 f"{robot.gravity * CUT_LOOSE:.2g}"
             )
         other = " or `0.02`, a loss factor of the cables" if robot.cabling.linear else ""
-        return f"{words}. For motions: `cdpr-sim models {robot.name} --damping none`{other}."
+        return f"{sentences}. For motions: `cdpr-sim models {robot.name} --damping none`{other}."
     if factor:
         return (
             f"each cable has a loss factor of {factor:g} at the frequency at which the platform's mass oscillates on "

@@ -143,7 +143,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
 def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
     problem, pose = equilibrium.problem, equilibrium.pose
     robot = problem.robot
-    simulation = settle_chains.held_at(problem, pose)
+    simulation = settle_chains.at_rest(problem, pose, held=True)
     row = simulation.all
     simulation.residuals(row)
     derivatives = ChainDerivatives.of(simulation, row)

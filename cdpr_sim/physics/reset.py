@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -85,11 +84,11 @@ def reset(
         elif pretension is not None:
             ropes = ropes / (1 + _strains(model, state, parts, float(checked_array("pretension", pretension, ()))))
         weights = np.zeros((model.nbody, 3))
-        if len(parts.hung.cables):
-            lengths[parts.hung.cables], further = parts.hung.lay(model, state, parts, ropes, weights)
+        if len(parts.heavy):
+            lengths[parts.heavy], further = parts.lay(model, state, ropes, weights)
             parts.swivels.face(model, state)
             # Their tendons have the difference from the mean tension that the written pose implies.
-            ropes[parts.hung.cables] += further - parts.uneven[parts.hung.cables]
+            ropes[parts.heavy] += further - parts.uneven[parts.heavy]
         inputs = parts.inputs(model, lengths + shared, ropes)
     except InvalidInput:
         model.body_quat[:] = written
@@ -134,10 +133,16 @@ class _Parts:
         shared: lengths of rope behind the exit, for each part of line [m].
         uneven: how much further cables with mass stretch than under their mean tension [m].
         direct: tendons from exit to anchor: the cables, or the chords of those with mass.
-        hung: the cables with mass.
         parts_of_line: numbers of parts.
         written: (L + c), the written rest lengths with those [m].
         stiffnesses: n EA [N].
+        radii: of the wheels, 0 without [m].
+        heavy: indices of the cables with mass; what follows is of these.
+        nodes: bodies of their masses, from exit to anchor.
+        ends: bodies of the masses at the anchors.
+        exits: sites.
+        segments: tendons from exit to anchor.
+        pulleys: bodies of the wheels, or -1.
 
     Raises:
         InvalidInput: not a model of ``to_mjcf``, or one with chains of springs.
@@ -186,15 +191,11 @@ class _Parts:
         self.written = begin - (self.offsets - self.shared + self.uneven)
         self.stiffnesses = springs * self.written
         self.direct, heavy = np.where(chords >= 0, chords, self.cables), np.flatnonzero(chords >= 0)
-        self.hung = _Hung(
-            cables=heavy,
-            nodes=np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T,
-            ends=ids(kinds.mjOBJ_BODY, "end_{}")[heavy],
-            segments=np.array([ids(kinds.mjOBJ_TENDON, f"cable_{{}}_{k}")[heavy] for k in range(1, SEGMENTS + 1)]).T,
-            exits=exits[heavy],
-            pulleys=ids(kinds.mjOBJ_BODY, "pulley_{}")[heavy],
-            radii=radii[heavy],
-        )
+        self.heavy, self.radii = heavy, radii
+        self.nodes = np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T
+        self.ends, self.exits = ids(kinds.mjOBJ_BODY, "end_{}")[heavy], exits[heavy]
+        self.segments = np.array([ids(kinds.mjOBJ_TENDON, f"cable_{{}}_{k}")[heavy] for k in range(1, SEGMENTS + 1)]).T
+        self.pulleys = ids(kinds.mjOBJ_BODY, "pulley_{}")[heavy]
 
     @property
     def wound(self) -> bool:
@@ -204,7 +205,7 @@ class _Parts:
     def spans(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
         """Lengths of the cables from exit to anchor, with all drums at 0 [m]."""
         coils = np.zeros_like(self.offsets)
-        coils[self.hung.cables] = self.offsets[self.hung.cables] - ENTRY * self.hung.radii  # no chord begins at a drum
+        coils[self.heavy] = (self.offsets - ENTRY * self.radii)[self.heavy]  # no chord begins at a drum
         return data.ten_length[self.direct] - (self.offsets - coils)
 
     def inputs(
@@ -250,74 +251,50 @@ class _Parts:
         drawn = self.lines >= 0
         model.tendon_lengthspring[self.lines[drawn], 1] = (1 + LEAST_SPARE) * lengths[drawn]
 
-
-@dataclass(frozen=True)
-class _Hung:
-    """Indices of the parts of cables with mass.
-
-    Attributes:
-        cables: indices of the cables.
-        nodes: bodies of their masses, from exit to anchor.
-        ends: bodies of the masses at the anchors.
-        segments: tendons from exit to anchor.
-        exits: sites.
-        pulleys: bodies of the wheels, or -1.
-        radii: of the wheels, 0 without [m].
-    """
-
-    cables: Int[np.ndarray, " chains"]
-    nodes: Int[np.ndarray, "chains nodes"]
-    ends: Int[np.ndarray, " chains"]
-    segments: Int[np.ndarray, "chains segments"]
-    exits: Int[np.ndarray, " chains"]
-    pulleys: Int[np.ndarray, " chains"]
-    radii: Float[np.ndarray, " chains"]
-
     def lay(
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        parts: _Parts,
         ropes: Float[np.ndarray, " cables"],
         weights: Float[np.ndarray, "bodies 3"],
     ) -> tuple[Float[np.ndarray, " chains"], Float[np.ndarray, " chains"]]:
-        """Place the masses as the cables hang with l0, as ``ropes`` = l0 + c [m].
+        """Place the masses as the cables with mass hang with l0, as ``ropes`` = l0 + c [m].
 
         Sets the ``weights`` [N] by which masses weigh more than in the model.
 
         Returns:
             Stretched lengths [m], and ``chains.uneven`` here [m].
         """
-        cables, shared = self.cables, parts.shared[self.cables]
+        cables, shared, radii = self.heavy, self.shared[self.heavy], self.radii[self.heavy]
         lengths = model.tendon_lengthspring[self.segments, 1].copy()
-        lengths[:, 0] -= ENTRY * self.radii
-        fractions = straight((shared > 0) | (self.radii > 0)).lengths
+        lengths[:, 0] -= ENTRY * radii
+        fractions = straight((shared > 0) | (radii > 0)).lengths
         beyond = lengths[:, 1:].sum(1) / (1 - fractions[:, 0])
         wrapped = lengths[:, 0] - fractions[:, 0] * beyond
         scale = (ropes[cables] - shared - wrapped) / beyond
         if not (scale > 0).all():
             cable = int(np.argmin(scale))
             raise InvalidInput(
-                f"rest_lengths: found {(ropes - parts.shared)[cables][cable]:.4g} m for cable {cables[cable] + 1}, "
+                f"rest_lengths: found {(ropes - self.shared)[cables][cable]:.4g} m for cable {cables[cable] + 1}, "
                 f"expected more than {wrapped[cable]:.4g} m, which lie on its wheel"
             )
         rest = fractions * (beyond * scale)[:, None]
         rest[:, 0] += wrapped
         stretching = fractions * ropes[cables, None]  # in proportion, also for what lies on the wheel and behind
-        ratio = parts.written[cables, None] / stretching
-        further = np.moveaxis(model.tendon_stiffnesspoly[parts.cables[cables]], -1, 0)[..., None]
-        law = (parts.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
+        ratio = self.written[cables, None] / stretching
+        further = np.moveaxis(model.tendon_stiffnesspoly[self.cables[cables]], -1, 0)[..., None]
+        law = (self.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
         bodies = np.concatenate([self.nodes, self.ends[:, None]], axis=1)
         written = model.body_mass[bodies][..., None] * model.opt.gravity
         added = written * (scale - 1)[:, None, None]
         weights[bodies] = added
-        rotation = data.xmat[parts.platform].reshape(3, 3)
+        rotation = data.xmat[self.platform].reshape(3, 3)
         spans = data.site_xpos[self.exits] - data.xpos[self.ends]
         axes = data.xmat[self.pulleys].reshape(-1, 3, 3)[:, :, 2]
-        strains = (data.ten_length[parts.direct[cables]] - ENTRY * self.radii) / rest.sum(1) - 1
-        whole, stiffness = (written + added).sum(1), parts.stiffnesses[cables]
+        strains = (data.ten_length[self.direct[cables]] - ENTRY * radii) / rest.sum(1) - 1
+        whole, stiffness = (written + added).sum(1), self.stiffnesses[cables]
         guess = expected_pulls(spans, strains, stiffness, whole)
-        found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
+        found, reached = hang(written + added, rest, law, radii, axes, guess, spans)
         folded = ~reached  # near where they hang
         found[folded] = shape(-spans[folded], 0 * spans[folded], rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
         slides = model.body_jntadr[self.nodes[:, ::-1]][..., None] + np.arange(3)
@@ -326,7 +303,7 @@ class _Hung:
         per_length = np.linalg.norm(whole, axis=1) / (beyond * scale)
         rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
         further = (wrapped + shared) * per_length * rise / 2 / stiffness
-        return data.ten_length[self.segments].sum(1) - ENTRY * self.radii, further
+        return data.ten_length[self.segments].sum(1) - ENTRY * radii, further
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
@@ -373,7 +350,7 @@ def _strains(
     """
     if pretension < 0:
         raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
-    if len(parts.hung.cables):
+    if len(parts.heavy):
         raise InvalidInput("pretension: found cables with mass, expected massless ones; use rest_lengths for these")
     if model.tendon_stiffnesspoly[parts.cables].any():
         raise InvalidInput("pretension: found nonlinear cables, expected linear ones; use rest_lengths for these")

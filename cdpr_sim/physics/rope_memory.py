@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -39,6 +39,9 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics import tendons
 from cdpr_sim.physics.chains import stretched
+
+PerCable: TypeAlias = Float[np.ndarray, "rows cables"]
+PerElement: TypeAlias = Float[np.ndarray, "rows cables elements"]
 
 MOST_STEPS, ENOUGH = 100, 1e-12
 """Most Newton steps to a point of a nonlinear law, of which a handful suffice; and the last one, as a fraction."""
@@ -86,22 +89,22 @@ class Springs(NamedTuple):
         pull, slope: of the own spring [N, N/m].
         elements: stiffness of each element [N/m].
         bounds: its largest stretch [m].
-        apart: the stretch that it would have if it did not slide [m].
+        elastic: the stretch that it would have if it did not slide [m].
     """
 
-    pull: Float[np.ndarray, "rows cables"]
-    slope: Float[np.ndarray, "rows cables"]
-    elements: Float[np.ndarray, "rows cables elements"]
-    bounds: Float[np.ndarray, "rows cables elements"]
-    apart: Float[np.ndarray, "rows cables elements"]
+    pull: PerCable
+    slope: PerCable
+    elements: PerElement
+    bounds: PerElement
+    elastic: PerElement
 
     @property
-    def held(self) -> Float[np.ndarray, "rows cables elements"]:
+    def held(self) -> PerElement:
         """Stretches of the elements of cables that went straight there [m]."""
-        return np.clip(self.apart, -self.bounds, self.bounds)
+        return np.clip(self.elastic, -self.bounds, self.bounds)
 
     @property
-    def forces(self) -> Float[np.ndarray, "rows cables"]:
+    def forces(self) -> PerCable:
         """Their pull on the platform, (rows, cables) [N]."""
         return self.pull + (self.elements * self.held).sum(-1)
 
@@ -132,20 +135,20 @@ class RopeStep:
     """
 
     cabling: Cabling
-    rest_lengths: Float[np.ndarray, "rows cables"]
-    ropes: Float[np.ndarray, "rows cables"]
-    own: Float[np.ndarray, "rows cables"]
-    elements: Float[np.ndarray, "rows cables elements"]
-    yields: Float[np.ndarray, "rows cables elements"]
-    widths: Float[np.ndarray, "rows cables elements"]
-    free: Float[np.ndarray, "rows cables elements"]
-    middle: Float[np.ndarray, "rows cables"]
-    rubbing: Float[np.ndarray, "rows cables"]
-    square: Float[np.ndarray, "rows cables"]
-    cube: Float[np.ndarray, "rows cables"]
+    rest_lengths: PerCable
+    ropes: PerCable
+    own: PerCable
+    elements: PerElement
+    yields: PerElement
+    widths: PerElement
+    free: PerElement
+    middle: PerCable
+    rubbing: PerCable
+    square: PerCable
+    cube: PerCable
     gripped: Bool[np.ndarray, "rows cables"]
-    kept: Float[np.ndarray, "rows cables"]
-    beside: Float[np.ndarray, "rows cables"]
+    kept: PerCable
+    beside: PerCable
     lasting: Float[np.ndarray, "rows cables terms"]
     growing: Float[np.ndarray, "rows cables terms"]
 
@@ -154,7 +157,7 @@ class RopeStep:
         cls,
         cabling: Cabling,
         axial_stiffness: Float[np.ndarray, "*#rows cables"],
-        rest_lengths: Float[np.ndarray, "rows cables"],
+        rest_lengths: PerCable,
         memory: Memory,
         duration: float = 0.0,
     ) -> RopeStep:
@@ -208,7 +211,7 @@ class RopeStep:
             growing=np.broadcast_to((1 - mean) / (modulus * cabling.reeving[:, None]), memory.creep.shape),
         )
 
-    def in_chain(self, rest_lengths: Float[np.ndarray, "rows cables"]) -> RopeStep:
+    def in_chain(self, rest_lengths: PerCable) -> RopeStep:
         """The same for springs between exit and first mass, with a memory for all of the cable.
 
         Args:
@@ -217,12 +220,12 @@ class RopeStep:
         return replace(self, beside=self.rest_lengths - rest_lengths)
 
     @cached_property
-    def taut(self) -> Float[np.ndarray, "rows cables"]:
+    def taut(self) -> PerCable:
         """Length from which on a cable is stretched, (rows, cables) [m]."""
         return self.rest_lengths + self.ropes * self.lasting.sum(-1)
 
     @cached_property
-    def compliance(self) -> Float[np.ndarray, "rows cables"]:
+    def compliance(self) -> PerCable:
         """Length by which creep lengthens a cable for each newton at the end of the step, (rows, cables) [m/N]."""
         return self.ropes * self.growing.sum(-1)
 
@@ -236,12 +239,12 @@ class RopeStep:
         """Which cables have a nonlinear law, (cables,)."""
         return np.asarray(self.cabling.stiffening.any(-1))
 
-    def softer(self, springs: Springs) -> Float[np.ndarray, "rows cables"]:
+    def softer(self, springs: Springs) -> PerCable:
         """Stiffness with creep over that without it, (rows, cables), where no element slides."""
         stiff = springs.slope + springs.elements.sum(-1)
         return 1 / (1 + self.compliance * stiff)
 
-    def springs(self, stretches: Float[np.ndarray, "rows cables"]) -> Springs:
+    def springs(self, stretches: PerCable) -> Springs:
         """The springs of the cables at these ``stretches`` [m]."""
         e = stretches
         found = Springs(
@@ -249,15 +252,15 @@ class RopeStep:
         )
         return self._gripping(e, found) if self.gripped.any() else found
 
-    def bounds(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables elements"]:
+    def bounds(self, stretches: PerCable) -> PerElement:
         """The largest stretches [m] of the elements at these ``stretches`` [m]; not of friction in nonlinear ropes."""
         return np.minimum(self.yields, self.widths * stretches[..., None])
 
-    def pulls(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+    def pulls(self, stretches: PerCable) -> PerCable:
         """Pull on the platform, (rows, cables) [N], of cables that went straight to these ``stretches`` [m]."""
         return self.springs(stretches).forces
 
-    def _gripping(self, stretches: Float[np.ndarray, "rows cables"], springs: Springs) -> Springs:
+    def _gripping(self, stretches: PerCable, springs: Springs) -> Springs:
         """The same with the friction of nonlinear ropes: their own springs pull by the mean of what friction allows.
 
         A rope that slides with the ratio x of the tensions behind and beyond its exit has the stretch
@@ -283,30 +286,26 @@ class RopeStep:
             slope=np.where(gripped, middle_slope - lost, springs.slope),
             elements=last(stiff, springs.elements),
             bounds=last((out - back) / 2 / stiff, springs.bounds),
-            apart=last((sticking - middle) / stiff, springs.apart),
+            elastic=last((sticking - middle) / stiff, springs.elastic),
         )
 
-    def _tension(
-        self, strains: Float[np.ndarray, "rows cables"]
-    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+    def _tension(self, strains: PerCable) -> tuple[PerCable, PerCable]:
         """Pull [N] of a rope with this strain, and its slope by strain [N]."""
         parts, square, cube = self._law
         pull, slope = tendons.force(np.maximum(strains, 0.0), parts, square, cube)
         return np.where(strains > 0, pull, parts * strains), slope
 
-    def _strain(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+    def _strain(self, pulls: PerCable) -> PerCable:
         """Strain of a rope under these pulls [N]."""
         return stretched(pulls, *self._law)[0]
 
     @cached_property
-    def _law(self) -> tuple[Float[np.ndarray, "rows cables"], ...]:
+    def _law(self) -> tuple[PerCable, ...]:
         """Coefficients of the pull by strain, its square and its cube, (rows, cables) [N] each."""
         parts, (square, cube) = self.rubbing * self.rest_lengths, self.cabling.stiffening.T
         return parts, parts * square, parts * cube
 
-    def _sliding(
-        self, stretches: Float[np.ndarray, "rows cables"], ratio: Float[np.ndarray, " cables"]
-    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+    def _sliding(self, stretches: PerCable, ratio: Float[np.ndarray, " cables"]) -> tuple[PerCable, PerCable]:
         """Pull [N], and its slope [N/m], of ropes that slide at their exits with this ratio of tensions."""
         behind = self.cabling.behind
         strains = stretches / (self.rest_lengths + ratio * behind)
@@ -321,23 +320,23 @@ class RopeStep:
                 return pull, slope / per_strain
             strains = np.maximum(strains - step, 0.0)
 
-    def stretches(self, lengths: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+    def stretches(self, lengths: PerCable) -> PerCable:
         """e of cables of these ``lengths``, (rows, cables) [m]: what is not creep; 0 where slack."""
         beyond = np.maximum(lengths - self.taut, 0)
         if not (self.compliance.any() or self.beside.any()):
             return beyond
         return self._where(self._widened, beyond, beyond)
 
-    def stretches_under(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+    def stretches_under(self, pulls: PerCable) -> PerCable:
         """e of cables that pull on the platform with ``pulls``, (rows, cables) [N]."""
         return self._where(lambda e, springs: (springs.forces, self.slopes(e, springs)), pulls, pulls / self.own)
 
     def _where(
         self,
         function: Callable[[np.ndarray, Springs], tuple[np.ndarray, np.ndarray]],
-        wanted: Float[np.ndarray, "rows cables"],
-        guess: Float[np.ndarray, "rows cables"],
-    ) -> Float[np.ndarray, "rows cables"]:
+        wanted: PerCable,
+        guess: PerCable,
+    ) -> PerCable:
         """Stretches at which an increasing ``function`` is as ``wanted``: Newton's method between bounds that close.
 
         The function returns its values and its slopes.
@@ -356,9 +355,7 @@ class RopeStep:
                 break
         return e
 
-    def _widened(
-        self, stretches: Float[np.ndarray, "rows cables"], springs: Springs
-    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+    def _widened(self, stretches: PerCable, springs: Springs) -> tuple[PerCable, PerCable]:
         """By how much these stretches, with creep, lengthen the tendon [m], and the slope of that."""
         forces = springs.forces
         strains = self._strain(forces)
@@ -366,32 +363,28 @@ class RopeStep:
         softening = self.compliance - self.beside / self._tension(strains)[1]
         return stretches + self.compliance * forces - beside, 1 + softening * self.slopes(stretches, springs)
 
-    def slopes(self, stretches: Float[np.ndarray, "rows cables"], springs: Springs) -> Float[np.ndarray, "rows cables"]:
+    def slopes(self, stretches: PerCable, springs: Springs) -> PerCable:
         """How much a stretch changes the forces, with what slides [N/m]."""
-        wedge = np.where(self.widths * stretches[..., None] < self.yields, np.sign(springs.apart) * self.widths, 0.0)
-        slides = np.abs(springs.apart) > springs.bounds
+        wedge = np.where(self.widths * stretches[..., None] < self.yields, np.sign(springs.elastic) * self.widths, 0.0)
+        slides = np.abs(springs.elastic) > springs.bounds
         slope = springs.slope + (springs.elements * np.where(slides, wedge, 1.0)).sum(-1)
         if self.gripped.any():
             (_, out), (_, back) = (self._sliding(stretches, x) for x in (1 / self.rho, self.rho))
             stuck = slope - (springs.elements * np.where(slides, wedge, 1.0))[..., -1]
-            apart = springs.apart[..., -1]
-            sliding = np.where(apart > 0, out - back, back - out) / 2
+            elastic = springs.elastic[..., -1]
+            sliding = np.where(elastic > 0, out - back, back - out) / 2
             grip = np.where(slides[..., -1], sliding, springs.elements[..., -1])
             slope = np.where(self.gripped, stuck + grip, slope)
         return slope
 
-    def tangent(
-        self, lengths: Float[np.ndarray, "rows cables"]
-    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+    def tangent(self, lengths: PerCable) -> tuple[PerCable, PerCable]:
         """Stiffness [N/m], and free length [m], of a spring that pulls like each cable at and near ``lengths``."""
         stretches = self.stretches(lengths)
         springs = self.springs(stretches)
         slope = self.slopes(stretches, springs) / self._widened(stretches, springs)[1]
         return slope, np.where(stretches > 0, lengths - springs.forces / slope, self.taut)
 
-    def memory_after(
-        self, lengths: Float[np.ndarray, "rows cables"], tensions: Float[np.ndarray, "rows cables"]
-    ) -> Memory:
+    def memory_after(self, lengths: PerCable, tensions: PerCable) -> Memory:
         """The memory, without its time, of cables at rest at these ``lengths`` [m] with these ``tensions`` [N]."""
         stretches, pulls = self.stretches(lengths), self.cabling.reeving * tensions
         hysteresis = self.cabling.hysteresis.shape[1]
@@ -424,9 +417,9 @@ class Elements:
         self,
         step: RopeStep,
         rows: Bool[np.ndarray, " rows"],
-        tendons: Float[np.ndarray, "rows cables"],
+        tendons: PerCable,
         entries: Float[np.ndarray, " cables"],
-    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+    ) -> tuple[PerCable, PerCable]:
         """Put the elements of ``rows`` where cables have them that went straight from the start of ``step``.
 
         Args:

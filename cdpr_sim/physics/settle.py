@@ -190,32 +190,25 @@ def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | Non
         InvalidInput: an invalid pose.
     """
     at = problem.robot.placed(pose)
-    where = at.position[None], at.rotation_matrix[None]
-    return float(_residuals(Problems.stack([problem]), *where, model, threads=1)[0])
+    poses = poses_of(at.position[None], at.rotation_matrix[None])
+    return float(residuals_of(Problems.stack([problem]), poses, model=model, threads=1)[0])
 
 
-def residuals_of(problems: Problems, poses: RigidTransform, *, threads: int = 0) -> Float[np.ndarray, " rows"]:
+def residuals_of(
+    problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None, threads: int = 0
+) -> Float[np.ndarray, " rows"]:
     """``residual_of`` for (rows,) problems, each at its own pose, (rows,) [N].
 
     Args:
         problems: the problems.
         poses: a stack, one for each.
+        model: the model to use instead of the generated one.
         threads: 0 for one per processor.
     """
-    return _residuals(problems, poses.translation, poses.rotation.as_matrix(), None, threads)
-
-
-def _residuals(
-    problems: Problems,
-    positions: Float[np.ndarray, "rows 3"],
-    rotations: Float[np.ndarray, "rows 3 3"],
-    model: mujoco.MjModel | None,
-    threads: int,
-) -> Float[np.ndarray, " rows"]:
     if weighs(problems.robot, model):
-        return heavy.unbalanced(problems, poses_of(positions, rotations), model=model, threads=threads)
+        return heavy.unbalanced(problems, poses, model=model, threads=threads)
     with simulations_of(without_weight(problems), model, threads) as simulations:
-        simulations.place(positions, rotations)
+        simulations.place(poses.translation, poses.rotation.as_matrix())
         return simulations.residuals()
 
 
@@ -235,10 +228,11 @@ def _settled(
         starts = settled_without_mass(problems, threads)
         with saying(progress) as say:
 
-            def told(words: str) -> None:
-                say(f"MuJoCo settles the platform: {words}")
+            def report(state: str) -> None:
+                say(f"MuJoCo settles the platform: {state}")
 
-            columns, _ = heavy.released(problems, starts, model=model, say=told if progress else None, threads=threads)
+            shown = report if progress else None
+            columns, _ = heavy.released(problems, starts, model=model, say=shown, threads=threads)
     else:
         with simulations_of(without_weight(problems), model, threads) as simulations:
             columns = come_to_rest(simulations, frames)

@@ -39,18 +39,6 @@ NOTHING = 1e-200
 not even by rounding."""
 
 
-def add_exits(world: ET.Element, cabling: Cabling) -> None:
-    """The sites ``exit_1``, ... at which cables enter the scene."""
-    for i, position in enumerate(cabling.exits, start=1):
-        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
-
-
-def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
-    """The sites ``anchor_1``, ... at which cables pull on the platform."""
-    for i, position in enumerate(cabling.anchors, start=1):
-        add(platform, "site", {"name": f"anchor_{i}", "class": "anchor"}, pos=position)
-
-
 def add_tendons(
     root: ET.Element,
     problem: Problem,
@@ -158,15 +146,6 @@ def polynomial(
     squares, coefficients = ropes * ropes, axial_stiffness[..., None] * stiffening
     powers = np.stack([parts**3, parts**4], axis=-1)
     return powers * coefficients / np.stack([squares, squares * ropes], axis=-1)
-
-
-def pull(
-    lengths: Float[np.ndarray, "rows cables"],
-    bands: Float[np.ndarray, "rows cables 2"],
-    stiffnesses: Float[np.ndarray, "rows cables"],
-) -> Float[np.ndarray, "rows cables"]:
-    """Pull of each linear tendon: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
-    return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
 
 
 def force(

@@ -38,7 +38,7 @@ from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.damping import STEPS, stiffest
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.dynamic_relaxation import inertias
-from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
+from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_air, to_mjcf
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
@@ -476,7 +476,7 @@ class _ChainMachine(Machine):
         self._chains = ChainMotion(
             simulation,
             self._longest,
-            damping=damping * settling_drag(written) / robot.mass * inertia,
+            damping=damping * settling_air(written)[0] / robot.mass * inertia,
             ahead=LEAST_AHEAD,
             cable_damping=cable_damping,
         )
@@ -504,7 +504,6 @@ class _ChainMachine(Machine):
                 lengths = np.where(by_tension, self._within(held, most), lengths)
             return lengths
 
-        while (left := seconds - passed) > ROUNDING * self._longest:
-            passed += self._chains.step(left / np.ceil(left / self._longest - ROUNDING), let_out, passed)
+        for passed in self._chains.steps(seconds, let_out):
             self.let_out = self._chains.let_out
             yield passed

@@ -217,19 +217,23 @@ def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cabl
         add(drum, "site", {"name": f"drum_{i}", "class": "exit"})
 
 
-def add_winches(
+def add_actuators(
     root: ET.Element,
     world: ET.Element,
     problem: Problem,
     springs: Float[np.ndarray, " cables"],
     *,
     uneven: Float[np.ndarray, " cables"],
-    kind: Kind,
+    kind: Kind | None,
     forces: Float[np.ndarray, " cables"],
     speed: float,
     damping: Float[np.ndarray, " cables"],
 ) -> None:
-    """The actuators ``winch_1``, ...; and the sensors.
+    """The actuators ``winch_1``, ..., and the sensors; or the actuators ``damped_1``, ... of cables without winches.
+
+    Those have no control: each is the spring and the damper of a cable of constant rest length. The ``damping`` of a
+    tendon does not know its dead band, so that a slack cable would push. The force of an actuator is clamped as a
+    whole, so that it never pushes.
 
     Args:
         root: the model.
@@ -237,14 +241,19 @@ def add_winches(
         problem: the robot, with its rest lengths at a control, or an activation, of 0.
         springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
         uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
-        kind: what the controls are.
+        kind: what the controls are; None without winches.
         forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
         speed: largest rope speed of the kind ``speed`` [m/s].
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     robot, rest_lengths = problem.robot, problem.rest_lengths
-    actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    bounds, extra, offsets = reach(robot, rest_lengths), shared(robot), _offsets(robot, uneven)
+    actuators, bounds, extra = ET.SubElement(root, "actuator"), reach(robot, rest_lengths), shared(robot)
+    offsets = pulleys.entries(robot.cabling) - extra + uneven  # of tendons from the lengths l + c that they stretch
+    if kind is None:
+        for cable, law in enumerate(zip(springs, offsets, damping, strict=True)):
+            _add_cable(actuators, f"damped_{cable + 1}", cable, robot, *law, 0.0, np.inf)
+        return
+    sensors = ET.SubElement(root, "sensor")
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
@@ -269,28 +278,6 @@ def add_winches(
     add(world, "site", name="base", group=4)
     for what, name in (("framepos", "position"), ("framequat", "orientation")):
         add(sensors, what, name=name, objtype="xbody", objname="platform", reftype="site", refname="base")
-
-
-def add_damped_cables(
-    root: ET.Element,
-    robot: Robot,
-    springs: Float[np.ndarray, " cables"],
-    uneven: Float[np.ndarray, " cables"],
-    damping: Float[np.ndarray, " cables"],
-) -> None:
-    """Actuators ``damped_1``, ... without control, each the spring and the damper of a cable of constant rest length.
-
-    The ``damping`` of a tendon does not know its dead band, so that a slack cable would push. The force of an actuator
-    is clamped as a whole, so that it never pushes.
-    """
-    actuators = ET.SubElement(root, "actuator")
-    for cable, law in enumerate(zip(springs, _offsets(robot, uneven), damping, strict=True)):
-        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, *law, 0.0, np.inf)
-
-
-def _offsets(robot: Robot, uneven: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
-    """Difference between the length of each tendon and the length l + c that its actuator stretches [m]."""
-    return pulleys.entries(robot.cabling) - shared(robot) + uneven
 
 
 def _add_cable(

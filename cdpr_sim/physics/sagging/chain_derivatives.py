@@ -151,6 +151,6 @@ def _slopes(
         found = simulations.forces_at(at[central], behind, tuple(field[central] for field in springs))
         for forces, ones in zip(before, found, strict=True):
             forces[central] = ones
-    apart = np.where(central, 2 * step, step)
+    width = np.where(central, 2 * step, step)
     platform, slides = (a - b for a, b in zip(before, after, strict=True))
-    return platform / apart[:, None, None], slides / apart[:, None, None, None]
+    return platform / width[:, None, None], slides / width[:, None, None, None]

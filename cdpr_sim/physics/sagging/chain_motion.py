@@ -13,7 +13,7 @@ Each time step is that of ``stepping``, with true springs. What differs from the
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import mujoco
 import numpy as np
@@ -75,12 +75,12 @@ class ChainMotion:
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
         """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
-        passed = 0.0
-        while (left := seconds - passed) > ROUNDING * self.longest:
-            passed += self.step(left / np.ceil(left / self.longest - ROUNDING), winches, passed)
+        for _ in self.steps(seconds, winches):
+            pass
 
-    def step(self, longest: float, winches: Winches | None = None, passed: float = 0.0) -> float:
-        """One time step, at most that long [s], from ``passed`` on; returns its duration."""
+    def steps(self, seconds: float, winches: Winches | None = None) -> Iterator[float]:
+        """``advance``, time step by time step: the time that has passed [s], after each."""
+        passed = 0.0
 
         def wind(steps: Float[np.ndarray, "1"]) -> None:
             step = float(steps[0])
@@ -88,9 +88,11 @@ class ChainMotion:
             self._wind((wanted - self.let_out) / step, float(self.stepping.lag(steps)[0]))
             self.let_out = wanted
 
-        step = float(self.stepping.advance(self.row, np.array([longest]), wind)[0])
-        self.time += step
-        return step
+        while (left := seconds - passed) > ROUNDING * self.longest:
+            longest = left / np.ceil(left / self.longest - ROUNDING)
+            step = float(self.stepping.advance(self.row, np.array([longest]), wind)[0])
+            passed, self.time = passed + step, self.time + step
+            yield passed
 
     def look(self) -> Observation:
         """Bring the springs and ``data`` to the present instant; returns pose, lengths and tensions."""

@@ -95,12 +95,12 @@ class ChainRelaxation:
         at_once = self.frames is None and bool(simulations.chains.over.any())
         if at_once:
             self.approach_from_afar(simulations.all)
-            simulations.let_go(self._unsettled)
+            simulations.restart(self._unsettled)
         self.run(self._unsettled)
-        simulations.let_go(self._unsettled)
+        simulations.restart(self._unsettled)
         if not at_once:
             self.approach_from_afar(self._unsettled)
-            simulations.let_go(self._unsettled)
+            simulations.restart(self._unsettled)
         left = self._unsettled
         if len(left):
             self.longest[left] = LONGEST_AGAIN
@@ -152,17 +152,17 @@ class ChainRelaxation:
             residual = simulations.unbalanced(calm)
             if self.say is not None:
                 for row, left in zip(calm, residual, strict=True):
-                    words = f"{self.steps[row]} time steps, {left:.1e} N of {simulations.load[row]:.3g} N unbalanced"
-                    self.say(int(row), words)
+                    load = simulations.load[row]
+                    self.say(int(row), f"{self.steps[row]} time steps, {left:.1e} N of {load:.3g} N unbalanced")
             self.stepping.adapt_to(calm, residual)
             true = simulations.true(calm)
-            apart = np.where(true, self._apart(calm), np.inf)
+            unbalanced = np.where(true, self._unbalanced(calm), np.inf)
             rest = calm[(residual <= self.target[calm]) & true]
             self.status[rest[self._at_rest(rest)]] = Status.CONVERGED
-            near = (apart <= close[calm]) & (self.status[calm] != Status.CONVERGED)
+            near = (unbalanced <= close[calm]) & (self.status[calm] != Status.CONVERGED)
             self._approach(calm[near])
             going = self.status[calm] != Status.CONVERGED
-            close[calm] = np.where(near, np.minimum(close[calm], 0.1 * apart), close[calm])
+            close[calm] = np.where(near, np.minimum(close[calm], 0.1 * unbalanced), close[calm])
             self._adapt(calm[going], residual[going])
             moving = live[self.status[live] == Status.ITERATION_LIMIT]
         failed = at[self.status[at] != Status.CONVERGED]
@@ -192,23 +192,19 @@ class ChainRelaxation:
         self.approaches[at] += taken
         there = at[reached]
         self.status[there] = Status.CONVERGED
-        self._went_on(there, self.longest[there] / self.simulations.swing[there])
+        self._record(there, self.longest[there] / self.simulations.swing[there])
         return reached
 
     def _advance(self, at: Rows) -> None:
-        self._went_on(at, self.stepping.advance(at, self.step[at] / self.simulations.swing[at]))
+        self._record(at, self.stepping.advance(at, self.step[at] / self.simulations.swing[at]))
 
-    def _went_on(self, at: Rows, time: Float[np.ndarray, " some"]) -> None:
+    def _record(self, at: Rows, time: Float[np.ndarray, " some"]) -> None:
         """Record one step of that duration [s]."""
         self.steps[at] += 1
         self.time[at] += time
         if self.frames is not None and len(at) and at[0] == 0:
-            self._record_state(self.frames)
-
-    def _record_state(self, frames: Frames) -> None:
-        """Record the present state of the first row."""
-        seen = self.simulations.observe(self.simulations.all[:1])
-        frames.append((self.time[0], seen.poses[0], seen.lengths[0], seen.tensions[0]))
+            seen = self.simulations.observe(self.simulations.all[:1])
+            self.frames.append((self.time[0], seen.poses[0], seen.lengths[0], seen.tensions[0]))
 
     def _restart(self, at: Rows) -> None:
         """Restart from the last good coordinates, in shorter steps."""
@@ -262,9 +258,11 @@ class ChainRelaxation:
         simulations.qvel[at[~calm]] = velocity[~calm]
         return calm
 
-    def _apart(self, at: Rows) -> Float[np.ndarray, " some"]:
+    def _unbalanced(self, at: Rows) -> Float[np.ndarray, " some"]:
         """Unbalanced forces, as fractions of the load and of each chain's weight."""
         simulations = self.simulations
         platform, slides = simulations.forces(at)
-        apart = (np.abs(slides) / simulations.weights[at][..., None]).max((1, 2))
-        return apart if simulations.held else np.maximum(apart, np.abs(platform).max(1) / simulations.load[at])
+        unbalanced = (np.abs(slides) / simulations.weights[at][..., None]).max((1, 2))
+        return (
+            unbalanced if simulations.held else np.maximum(unbalanced, np.abs(platform).max(1) / simulations.load[at])
+        )

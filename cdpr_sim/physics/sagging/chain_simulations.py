@@ -141,7 +141,7 @@ class ChainSimulations:
         self.load = np.where(load > 0, load, robot.mass * STANDARD_GRAVITY)
         self.swing = np.sqrt(self.load / robot.mass / self.rest_lengths.mean(1))
         self.net, self.rotations = np.zeros((rows, self.model.nv)), np.zeros((rows, 3, 3))
-        self.let_go(self.all)
+        self.restart(self.all)
 
     def _name_fields(self) -> None:
         """MuJoCo's fields: those of the model that rows have of their own, states, and what MuJoCo computes."""
@@ -171,7 +171,7 @@ class ChainSimulations:
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
         return mujoco.mj_name2id(self.model, kind.value, name)
 
-    def let_go(self, at: Rows) -> None:
+    def restart(self, at: Rows) -> None:
         """Put the platforms at their initial poses, with zero velocity, and their chains in approximate profiles."""
         if not len(at):
             return

@@ -9,7 +9,7 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import NotSettled
@@ -58,9 +58,9 @@ def released(
     for first in range(0, count, ROWS):
         rows = np.arange(first, min(first + ROWS, count))
 
-        def told(row: int, words: str, first: int = first) -> None:
+        def report(row: int, progress: str, first: int = first) -> None:
             if say is not None:
-                say(f"pose {first + row + 1} of {count}: {words}" if count > 1 else words)
+                say(f"pose {first + row + 1} of {count}: {progress}" if count > 1 else progress)
 
         with quiet():
             simulations = ChainSimulations(
@@ -70,7 +70,7 @@ def released(
                 memory=None if memory is None else (memory[0][rows], memory[1]),
                 threads=threads,
             )
-            relaxation = ChainRelaxation(simulations, None if first else frames, told if say is not None else None)
+            relaxation = ChainRelaxation(simulations, None if first else frames, report if say is not None else None)
             relaxation.relax()
             found.append(settled(relaxation, read(simulations), partial(read, simulations)))
             memories.append({} if simulations.ropes is None else simulations.remembered().arrays)
@@ -90,30 +90,18 @@ def read(simulations: ChainSimulations) -> SimulationReading:
     return SimulationReading(**seen, residuals=residuals, eigenvalues=eigenvalues, softest=softest, off_wheel=off_wheel)
 
 
-def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulations:
+def at_rest(problem: Problem, start: RigidTransform, *, held: bool = False) -> ChainSimulations:
     """Simulation of one problem at the equilibrium to which its platform settles from ``start``.
 
+    If it is ``held`` there, whatever pulls it, its chains settle.
+
     Raises:
-        NotSettled: it does not come to rest.
+        NotSettled: it does not settle, or its chains do not.
     """
     simulations = single(problem, start)
-    if not _comes_to_rest(simulations)[0]:
-        name = problem.robot.name
-        raise NotSettled(f"{name}: the platform on cables with mass did not come to rest in MuJoCo")
-    return simulations
-
-
-def held_at(problem: Problem, pose: RigidTransform) -> ChainSimulations:
-    """Simulation of one problem with the platform at ``pose``, whatever pulls it, and its chains at rest.
-
-    Raises:
-        NotSettled: the chains do not come to rest.
-    """
-    simulations = single(problem, pose)
-    simulations.hold()
-    if not _comes_to_rest(simulations)[0]:
-        raise NotSettled(f"{problem.robot.name}: the cables with mass did not come to rest in MuJoCo")
-    simulations.held = False
+    if not _settles(simulations, held=held)[0]:
+        what = "the cables with mass" if held else "the platform on cables with mass"
+        raise NotSettled(f"{problem.robot.name}: {what} did not come to rest in MuJoCo")
     return simulations
 
 
@@ -122,10 +110,13 @@ def single(problem: Problem, start: RigidTransform) -> ChainSimulations:
     return ChainSimulations(Problems.stack([problem]), RigidTransform.concatenate([start]))
 
 
-def _comes_to_rest(simulations: ChainSimulations) -> np.ndarray:
-    """Which rows come to rest."""
+def _settles(simulations: ChainSimulations, *, held: bool) -> Bool[np.ndarray, " rows"]:
+    """Which rows settle, with their platforms ``held`` or not."""
+    if held:
+        simulations.hold()
     relaxation = ChainRelaxation(simulations)
     relaxation.relax()
+    simulations.held = False
     return relaxation.status == Status.CONVERGED
 
 
@@ -145,8 +136,6 @@ def unbalanced(
         rows = possible[first : first + ROWS]
         with quiet():
             simulations = ChainSimulations(problems.take(rows), poses[rows], model=model, threads=threads)
-            simulations.hold()
-            rested = _comes_to_rest(simulations)
-            simulations.held = False
-            found[rows] = np.where(rested, simulations.unbalanced(simulations.all), np.nan)
+            settles = _settles(simulations, held=True)
+            found[rows] = np.where(settles, simulations.unbalanced(simulations.all), np.nan)
     return found
