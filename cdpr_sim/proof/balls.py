@@ -109,7 +109,7 @@ def upper(ball: Ball) -> float:
 
 def bounds(balls: Balls) -> np.ndarray:
     """Lower and upper bounds of each ball, (2, ...)."""
-    return np.array([np.vectorize(end, otypes=[float])(balls) for end in (lower, upper)])
+    return np.array([np.frompyfunc(end, 1, 1)(balls) for end in (lower, upper)], dtype=float)
 
 
 def middle(ball: Ball) -> float:
@@ -117,8 +117,10 @@ def middle(ball: Ball) -> float:
     return float(ball.mid())
 
 
-middles = np.vectorize(middle, otypes=[float])
-"""``middle`` of each ball of an array."""
+def middles(balls: Balls) -> np.ndarray:
+    """``middle`` of each ball of an array."""
+    return np.array(np.frompyfunc(middle, 1, 1)(balls), dtype=float)
+
 
 centres = np.frompyfunc(lambda ball: ball.mid(), 1, 1)
 """The midpoint of each ball of an array, as balls of radius 0."""
