@@ -26,7 +26,7 @@ from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_equilibria import Cases, feasible_share
 from cdpr_sim.report.as_json import solution
 from cdpr_sim.report.crosscheck_tables import equilibrium_notes
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 
 SOFT = 1e3
 """[N] EA with which DemoBot's ropes strain by some per mille, so that laws and lengths show."""

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.studies import robot_summary
 
 POSE = (0.3, 0.22, 0.15)

@@ -18,7 +18,7 @@ from cdpr_sim.cli import app
 from cdpr_sim.core.robot import FIELDS
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importing import FORMATS
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 
 FILES = Path(__file__).parent / "imported"
 MODELS = Path(__file__).parents[1] / "models"

@@ -7,7 +7,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.describe import describe_properties
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.path_problem import PathProblem
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 
 ELEMENTS = [(0.1, 1e-3), (0.1, np.inf, 0.2)]
 LINE = np.linspace([0.2, 0.25, 0.1], [0.6, 0.25, 0.1], 5)

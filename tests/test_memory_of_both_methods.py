@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core.equilibrium_batch import EquilibriumPath
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.studies.robot_summary import settled_along, solved_along
 
 AGREE = 1e-9

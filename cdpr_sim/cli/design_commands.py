@@ -116,7 +116,7 @@ def design(
     from cdpr_sim.drawing import maps
     from cdpr_sim.drawing.video import writing
     from cdpr_sim.report import design_tables as report
-    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.robots.robot_file_text import as_toml
     from cdpr_sim.studies import better_layouts as shown
     from cdpr_sim.studies.robot_summary import write_both_methods
 
@@ -190,7 +190,7 @@ def front(
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
     from cdpr_sim.drawing.axes import encoded
     from cdpr_sim.report import design_tables as report
-    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.robots.robot_file_text import as_toml
     from cdpr_sim.studies.better_layouts import pareto_picture
 
     with new_folder(output):

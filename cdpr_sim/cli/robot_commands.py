@@ -108,7 +108,7 @@ def import_file(
 ) -> None:
     """Convert a robot of another project to a robot file, and list what was left out or assumed."""
     from cdpr_sim.core.files import check_place, write_whole
-    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.robots.robot_file_text import as_toml
 
     robot = cdpr.import_robot(file, format, cables)
     place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)

@@ -31,7 +31,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.sweep_quantities import BySimulation, Quantity
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 if TYPE_CHECKING:
