@@ -168,6 +168,14 @@ def test_messages_lead_on(tmp_path, robot, platform, cable, message):
     assert message in str(error.value)
 
 
+def test_a_single_table_of_cables_is_refused_with_the_form_that_is_meant(tmp_path):
+    """TOML's [cables] is one table; a robot has several."""
+    file = tmp_path / "robot.toml"
+    file.write_text('name = "one"\n[platform]\nmass = 1.0\n[cables]\nexit = [0, 0, 1]\nanchor = [0, 0, 0]\n')
+    with pytest.raises(cdpr.RobotFileError, match=r"cables: found .*, expected one table \[\[cables\]\] for each"):
+        cdpr.load_robot(file)
+
+
 def test_a_rope_on_the_command_line_has_its_diameter():
     """As ``--material`` and ``replace`` take it."""
     assert cdpr.load_robot("cogiro").replace(material="steel-rope-1.5mm").axial_stiffness[0] == pytest.approx(

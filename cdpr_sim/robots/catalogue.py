@@ -324,8 +324,10 @@ def _folder() -> Traversable:
 
 def _read(file: Traversable | Path, label: str) -> Robot:
     document = _parsed(file, label)
-    cables = document.get("cables")
-    if isinstance(cables, list) and len(cables) > MOST_CABLES:
+    cables = document.get("cables", [])
+    if not isinstance(cables, list):
+        raise RobotFileError(f"{label}: cables: found {shown(cables)}, expected one table [[cables]] for each cable")
+    if len(cables) > MOST_CABLES:
         raise RobotFileError(f"{label}: cables: found {len(cables)}, expected at most {MOST_CABLES}")
     try:
         return RobotTable.model_validate(document).robot()
