@@ -142,6 +142,13 @@ def test_ropes_break_where_their_sources_say_and_nowhere_else(tmp_path):
         ("axial_stiffness = 1e4", "com = [0, 0, 0]", "", "platform.com: unknown key, did you mean 'center_of_mass'?"),
         ("com = [0, 0, 0]", "", "", "com: unknown key, did you mean 'center_of_mass' in [platform]?"),
         ("exits = [[0, 0, 1]]", "", "", "exits: unknown key, did you mean 'exit' in [[cables]]?"),
+        (
+            "axial_stiffness = 1e4",
+            "",
+            "pulley_radius = 0.1",
+            "pulley_radius: unknown key, did you mean 'radius' in [pulley]?",
+        ),
+        ("platform_size = [1, 1, 1]", "", "", "platform_size: unknown key, did you mean 'size' in [platform]?"),
         ("axial_stiffness = 1e4", "", "mobility = 'planar'", "did you mean 'mobility' for the whole robot?"),
         ("material = 'steel'", "", "", "did you mean steel-rope-2mm?"),
         ("material = 'Dyneema'", "", "", "did you mean dyneema-2mm?"),

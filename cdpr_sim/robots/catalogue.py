@@ -361,6 +361,7 @@ OTHER_WORDS = {
     "com": "center_of_mass", "cog": "center_of_mass", "centre_of_mass": "center_of_mass", "m": "mass", "weight": "mass",
     "a": "exit", "base": "exit", "exits": "exit", "anchors": "anchor", "b": "anchor", "attachment": "anchor",
     "rho": "linear_density", "density": "linear_density", "g": "gravity", "i": "inertia", "cable": "cables",
+    "pulley_radius": "radius", "pulley_axis": "axis", "platform_size": "size",
 }  # fmt: skip
 """Explanations of keys of a robot file, in lower case, for messages."""
 
