@@ -14,12 +14,12 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import FunctionType, ModuleType, SimpleNamespace
 
 import numba
 import numpy as np
 import pytest
-from numba.core import config
+from numba.core import config, serialize
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import code_cache, compiling
@@ -75,6 +75,27 @@ def test_that_it_compiles_is_said_once(empty_cache, caplog):
     kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
     assert caplog.messages == ["cdpr_sim compiles its test sum: up to a minute, once on this machine"]
     kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
+    assert len(caplog.messages) == 1
+
+
+def test_code_is_found_whether_modules_were_compiled_or_their_bytecode_was_read(empty_cache, caplog):
+    """In the latter case, a function has another pickle, since its code and module have two equal names of the file."""
+
+    def kernel_of(term) -> compiling.Kernel:
+        def total_of(values, total):
+            total[0] = 0.0
+            for value in values:
+                total[0] += term(value)
+
+        return compiling.Kernel("test total", total_of, "(n)->()")
+
+    def term_in(file):
+        return FunctionType((lambda value: 5.0 * value).__code__.replace(co_filename=__file__), {"__file__": file})
+
+    terms = term_in(__file__), term_in("".join(list(__file__)))
+    assert serialize.dumps(terms[0]) != serialize.dumps(terms[1])
+    for term in map(compiling.inline, terms):
+        np.testing.assert_array_equal(kernel_of(term)(np.ones((compiling.FEW + 1, 2))), 10.0)
     assert len(caplog.messages) == 1
 
 

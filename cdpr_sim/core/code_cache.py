@@ -7,7 +7,9 @@ time, both compile, and one publishes. A process that cannot use a published fol
 damaged file) publishes its own under the next number.
 
 The key of Numba's own cache is the text of one file, but our kernels consist of several files and compile in constants
-of others. So each version of the package's sources has its own folder: stale machine code is never loaded.
+of others. So each version of the package's sources has its own folder: stale machine code is never loaded. Numba's key
+also contains the pickled values that a function takes from the one around it, and a pickled function differs between a
+process that compiles its module and one that reads the bytecode of it. So Numba's keys leave these values out here.
 """
 
 from __future__ import annotations
@@ -64,7 +66,7 @@ def fetch(name: str, load: Callable[[], Any], compile: Callable[[], Any]) -> Any
         if not published.is_dir():
             return _publish(published, compile)
         try:
-            with settings(CACHE_DIR=str(published)), _no_compilation():
+            with settings(CACHE_DIR=str(published)), _keys_without_closures(), _no_compilation():
                 return load()
         except Exception as error:  # any kind: the compiler would raise it again
             _log.debug("cdpr_sim cannot use %s: %r", published, error)
@@ -76,7 +78,7 @@ def _publish(place: Path, compile: Callable[[], Any]) -> Any:
         home.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=home) as private:
             whole = Path(private) / place.name
-            with settings(CACHE_DIR=str(whole)):
+            with settings(CACHE_DIR=str(whole)), _keys_without_closures():
                 result = compile()
             with suppress(OSError):  # another process was first
                 whole.rename(place)
@@ -105,6 +107,25 @@ def _no_compilation() -> Iterator[None]:
 
     with event.install_listener("numba:run_pass", Refusal()):
         yield
+
+
+@contextmanager
+def _keys_without_closures() -> Iterator[None]:
+    """Numba's keys are signature and processor within the block, in this thread; the folder stands for the function."""
+    from numba.core import caching
+
+    here, whole_key = threading.get_ident(), caching.Cache._index_key
+
+    def index_key(cache: Any, signature: Any, codegen: Any) -> tuple:
+        if threading.get_ident() != here:
+            return whole_key(cache, signature, codegen)
+        return signature, codegen.magic_tuple()
+
+    caching.Cache._index_key = index_key
+    try:
+        yield
+    finally:
+        caching.Cache._index_key = whole_key
 
 
 @contextmanager
