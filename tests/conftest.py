@@ -1,5 +1,6 @@
 """Shapes are checked at run time under test; Hypothesis is deterministic, so that a red run can be repeated."""
 
+import functools
 import importlib.util
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import hypothesis
 import jaxtyping
 import pytest
 import typechecker
+import typer.testing
 
 DOORS = {
     "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
@@ -52,6 +54,9 @@ def checked_modules() -> list[str]:
 
 vars(jaxtyping)["jaxtyped"] = typechecker.first_calls_checked  # the name that the hook decorates with
 jaxtyping.install_import_hook(checked_modules(), "typechecker.check")
+
+# A runner of commands makes all commands of the application anew for each one that it runs: 40 ms.
+vars(typer.testing)["_get_command"] = functools.cache(typer.main.get_command)
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("default")
