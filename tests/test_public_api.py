@@ -17,8 +17,8 @@ DEFAULTS = {"progress": [False], "force": [False], "seed": [0], "threads": [0, 1
 DEFAULTS |= {"certify": [False], "contact": [False], "winches": [False], "robust": [False], "polish": [True]}
 """Nothing is printed, replaced, added to a model or searched unless asked."""
 
-SIMULATING = {"check", "settle_many", "settle_path"}
-"""Simulations run on all processors, statics on one, since a pose takes microseconds there."""
+ON_ALL_PROCESSORS = {"check", "settle_many", "settle_path", "find_layout", "find_front"}
+"""Simulations and searches; statics run on one, since a pose takes microseconds there."""
 
 
 @pytest.mark.parametrize("name", sorted(DATA.keys() - WITH_STATE))
@@ -41,4 +41,4 @@ def test_options_have_the_same_default_in_all_functions(name):
         if option in DEFAULTS and isinstance(parameter.default, int):
             assert repr(parameter.default) in map(repr, DEFAULTS[option])
         if option == "threads" and isinstance(parameter.default, int):
-            assert parameter.default == (0 if name in SIMULATING else 1)
+            assert parameter.default == (0 if name in ON_ALL_PROCESSORS else 1)

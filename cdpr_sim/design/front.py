@@ -100,7 +100,7 @@ def find_front(
     generations: int = 200,
     population: int = 100,
     progress: bool = False,
-    threads: int | None = None,
+    threads: int = 0,
 ) -> Front:
     """The Pareto front of two objectives, by pymoo's NSGA-II (Deb et al. 2002, doi:10.1109/4235.996017).
 
@@ -118,7 +118,7 @@ def find_front(
         generations: number of generations.
         population: layouts of each generation, and at most of the front.
         progress: whether to print progress on standard error.
-        threads: of the compiled solver; default: one for each core.
+        threads: of the compiled solver; 0 for one per processor.
 
     Returns:
         The layouts of the front with their scores, (layouts, 2) in SI units.

@@ -145,13 +145,13 @@ class LayoutEquilibria(EquilibriumBatch):
         return stiffness_of(self)[1]
 
 
-def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None) -> LayoutEquilibria:
+def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int = 0) -> LayoutEquilibria:
     """Equilibria of every layout in every case, by the compiled solver on all cores.
 
     Args:
         layouts: the robots.
         cases: poses, loads and stiffnesses.
-        threads: number of threads; default: one per core.
+        threads: 0 for one per processor.
 
     Raises:
         InvalidInput: more than fit into memory.
@@ -160,7 +160,7 @@ def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None)
     if need > 1e8:
         what = f"poses: {len(cases):,} of them in each of {len(layouts):,} layouts"
         free_ram.refuse_beyond(what, need, "fewer poses or layouts")
-    found = solve_many(cases.layout_problems(layouts), threads=threads or 0)
+    found = solve_many(cases.layout_problems(layouts), threads=threads)
     return LayoutEquilibria(**{one.name: getattr(found, one.name) for one in dataclasses.fields(found)}, cases=cases)
 
 

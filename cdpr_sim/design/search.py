@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
-from cdpr_sim.core.checks import FLAG, LONGEST_NAME, MOST_THREADS, checked_path, listed, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, LONGEST_NAME, checked_path, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing, check_place
+from cdpr_sim.core.on_threads import checked_threads
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.constraints import Constraint, constraints_of
@@ -73,7 +74,7 @@ class LayoutEvaluator:
     constraints: Sequence[Constraint]
     limits: Limits
     reach: float
-    threads: int | None
+    threads: int
     best: np.ndarray | None = None
     energy: float = np.inf
     value: float = np.nan
@@ -93,7 +94,7 @@ class LayoutEvaluator:
         external_wrench: ArrayLike | None,
         stiffness: ArrayLike | None,
         progress: bool,
-        threads: int | None,
+        threads: int,
     ) -> LayoutEvaluator:
         """Evaluator of the arguments of ``find_layout``.
 
@@ -103,8 +104,7 @@ class LayoutEvaluator:
         """
         refuse_unless(Robot, robot=robot)
         refuse_unless(FLAG, progress=progress)
-        if threads is not None:
-            whole("threads", threads, 1, MOST_THREADS)
+        checked_threads(threads)
         moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")
         space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
         wanted = Objective.of(objective)
@@ -190,7 +190,7 @@ def find_layout(
     polish: bool = True,
     store: str | Path | None = None,
     progress: bool = False,
-    threads: int | None = None,
+    threads: int = 0,
 ) -> LayoutResult:
     """Optimise the layout of ``robot`` for all of ``poses``.
 
@@ -218,7 +218,7 @@ def find_layout(
         polish: whether to refine the result with gradients.
         store: an .npz file in which the search is stored after every ``LEG`` generations, and from which it is resumed.
         progress: whether to print the best layout so far on standard error.
-        threads: of the compiled solver; default: one for each core.
+        threads: of the compiled solver; 0 for one per processor.
 
     Returns:
         The best layout; after Ctrl-C the best so far, with a corresponding ``message``.
