@@ -89,10 +89,8 @@ def test_code_is_found_whether_modules_were_compiled_or_their_bytecode_was_read(
 
         return compiling.Kernel("test total", total_of, "(n)->()")
 
-    def term_in(file):
-        return FunctionType((lambda value: 5.0 * value).__code__.replace(co_filename=__file__), {"__file__": file})
-
-    terms = term_in(__file__), term_in("".join(list(__file__)))
+    code = (lambda value: 5.0 * value).__code__
+    terms = [FunctionType(code, {"__file__": file}) for file in (code.co_filename, "".join(list(code.co_filename)))]
     assert serialize.dumps(terms[0]) != serialize.dumps(terms[1])
     for term in map(compiling.inline, terms):
         np.testing.assert_array_equal(kernel_of(term)(np.ones((compiling.FEW + 1, 2))), 10.0)
