@@ -1,13 +1,16 @@
+import dataclasses
 import json
 import re
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.report import crosscheck_tables as report
+from cdpr_sim.studies import gallery
 
 runner = CliRunner()
 
@@ -89,17 +92,23 @@ def test_models_into_a_place_that_is_a_file_leaves_nothing(tmp_path):
     assert file.read_text() == "mine"
 
 
-def test_figures_draws_lists_and_protects_what_is_there(tmp_path):
+def test_figures_draws_lists_and_protects_what_is_there(tmp_path, monkeypatch):
     """Both files, named as printed; a second time only with --force; --list draws none."""
     words = ["figures", "tilt-condition", "-o", str(tmp_path)]
     drawn = run(*words)
     assert drawn.exit_code == 0
-    assert drawn.stdout.splitlines() == [str(tmp_path / f"tilt-condition.{kind}") for kind in ("svg", "png")]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["tilt-condition.png", "tilt-condition.svg"]
+    files = [tmp_path / f"tilt-condition.{kind}" for kind in ("svg", "png")]
+    assert drawn.stdout.splitlines() == list(map(str, files))
+    assert set(tmp_path.iterdir()) == set(files)
+    before = [file.read_bytes() for file in files]
+    other = dataclasses.replace(gallery.PICTURES["tilt-condition"], draw=lambda _: Figure(figsize=(1, 1)))
+    monkeypatch.setitem(gallery.PICTURES, "tilt-condition", other)
     refused = run(*words)
     assert refused.exit_code == 2
     assert "exists, expected a new place or --force" in refused.stderr
-    assert run(*words, "--force").exit_code == 0
+    assert [file.read_bytes() for file in files] == before
+    assert run("figures", "tilt-condition", "-o", str(tmp_path), "--force").exit_code == 0
+    assert all(file.read_bytes() != old for file, old in zip(files, before, strict=True))
     listed = run("figures", "--list")
     for name in cdpr.list_figures():
         assert name in listed.stdout

@@ -42,7 +42,7 @@ def test_design_exits_by_what_mujoco_says(agrees, better, status, monkeypatch):
     """0 only where both methods agree that the new layout is better."""
     monkeypatch.setattr(LayoutValidation, "agrees", agrees)
     monkeypatch.setattr(LayoutValidation, "better", better)
-    assert run("design", "parallel", *LINE, "--generations", "1").exit_code == status
+    assert run("design", "parallel", *LINE[:-1], 2, "--generations", "1").exit_code == status
 
 
 def test_design_says_what_it_does_not_promise():

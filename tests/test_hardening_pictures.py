@@ -1,10 +1,10 @@
 """What a stranger would trip over in pictures: numbers, labels that collide, stepped borders, wrong colours."""
 
+import functools
 import itertools
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import same_color
 
@@ -42,12 +42,32 @@ def under_actuated():
 
 
 @pytest.fixture(scope="module")
+def drawn_map(both, single, under_actuated):
+    """The elastic map of each, with all its labels in their places."""
+    datasets = {"both": both, "single": single, "under_actuated": under_actuated}
+
+    @functools.cache
+    def of(name):
+        figure = maps.draw_elastic_map(datasets[name])
+        figure.draw_without_rendering()
+        return figure
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def balances():
+    """The figure of the tilt condition."""
+    return laid_out(tilt_condition.draw_moment_balances(tilt_condition.moment_balances()))
+
+
+@pytest.fixture(scope="module")
 def widths():
     """Small results for the figures of poses and tensions."""
-    return {
-        name: lines.across_the_width(cdpr.load_robot(name), static_rows=61, settled_rows=5)
-        for name in ("planar-horizontal", "cogiro", "parallel")
-    }
+    names = ("planar-horizontal", "cogiro", "parallel")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lines, "feasible_outline", functools.partial(lines.feasible_outline, columns=61, rows=15))
+        return {name: lines.across_the_width(cdpr.load_robot(name), static_rows=61, settled_rows=5) for name in names}
 
 
 def panels(figure):
@@ -59,22 +79,21 @@ def words(figure):
     return [text.get_text() for text in (*figure.texts, *(t for ax in figure.axes for t in ax.texts))]
 
 
-def tick_boxes(ax, names, renderer):
+def tick_boxes(ax, names):
     """Where the numbers of these axes stand on the page, those within the limits."""
     boxes = []
     for axis in (getattr(ax, f"{name}axis") for name in names):
         low, high = sorted(axis.get_view_interval())
         for tick in axis.get_major_ticks():
             if low <= tick.get_loc() <= high and tick.label1.get_visible() and tick.label1.get_text():
-                boxes.append(tick.label1.get_window_extent(renderer))
+                boxes.append(tick.label1.get_window_extent())
     return boxes
 
 
-def drawn(figure):
-    """The figure's renderer, with everything in its place."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return canvas.get_renderer()
+def laid_out(figure):
+    """The figure, with everything in its place."""
+    figure.draw_without_rendering()
+    return figure
 
 
 def touching(boxes, pixels=8):
@@ -95,33 +114,30 @@ def test_numbers_are_written_as_people_read_them():
     ]  # fmt: skip
 
 
-def test_maps_say_which_poses_their_numbers_are_of(both):
+def test_maps_say_which_poses_their_numbers_are_of(drawn_map):
     """The plane, its extent and how many: the same robot's tilt is another on another grid."""
-    foot = " ".join(next(text for text in words(maps.draw_elastic_map(both)) if text.startswith("All numbers")).split())
+    foot = " ".join(next(text for text in words(drawn_map("both")) if text.startswith("All numbers")).split())
     assert "61 × 36 commanded poses: x = 0.1 to 0.7 m, z = 0.05 to 0.4 m, y = 0.25 m" in foot
 
 
 # Room
 
 
-def test_tick_labels_of_neighbouring_panels_do_not_collide(both):
+def test_tick_labels_of_neighbouring_panels_do_not_collide(drawn_map):
     """A letter's width lies between the last of one panel and the first of the next."""
-    figure = maps.draw_elastic_map(both)
-    renderer = drawn(figure)
     for name in "xy":
-        boxes = [box for ax in panels(figure) for box in tick_boxes(ax, name, renderer)]
+        boxes = [box for ax in panels(drawn_map("both")) for box in tick_boxes(ax, name)]
         assert len(boxes) > 15
         assert not touching(boxes)
 
 
 @pytest.mark.parametrize("dataset", ["both", "single", "under_actuated"])
-def test_contour_labels_are_whole(dataset, request):
+def test_contour_labels_are_whole(dataset, drawn_map):
     """Within what is coloured, and clear of one another."""
-    figure = maps.draw_elastic_map(request.getfixturevalue(dataset), names=["tilt", "distance"])
-    renderer, labels = drawn(figure), 0
-    for ax in panels(figure):
+    labels = 0
+    for ax in panels(drawn_map(dataset)):
         (x0, y0), (x1, y1) = ax.transData.transform([(0.1, 0.05), (0.7, 0.4)])
-        boxes = [t.get_window_extent(renderer) for c in ax.collections for t in getattr(c, "labelTexts", [])]
+        boxes = [t.get_window_extent() for c in ax.collections for t in getattr(c, "labelTexts", [])]
         labels += len(boxes)
         for box in boxes:
             assert x0 <= box.x0
@@ -132,9 +148,9 @@ def test_contour_labels_are_whole(dataset, request):
     assert labels > 3
 
 
-def test_one_robot_is_no_strip(single):
+def test_one_robot_is_no_strip(drawn_map):
     """Its four panels go two by two, each quantity with its bar."""
-    figure = maps.draw_elastic_map(single)
+    figure = drawn_map("single")
     width, height = figure.get_size_inches()
     assert 1 < width / height < 2.5
     boxes = [ax.get_position() for ax in figure.axes]
@@ -160,9 +176,9 @@ def border(ax):
     return np.empty((0, 2))
 
 
-def test_border_passes_between_the_poses(both):
+def test_border_passes_between_the_poses(drawn_map):
     """Where linear programming has it, and not around the cells."""
-    figure = maps.draw_elastic_map(both)
+    figure = drawn_map("both")
     robot = cdpr.load_robot("parallel")
     for ax in (panels(figure)[0], panels(figure)[12]):
         vertices = border(ax)
@@ -173,16 +189,16 @@ def test_border_passes_between_the_poses(both):
             assert not feasibility.feasible_by_linprog(robot, [x - inwards, 0.25, z])
 
 
-def test_feasible_poses_are_drawn_once_per_robot(both):
+def test_feasible_poses_are_drawn_once_per_robot(drawn_map):
     """What rigid cables hold knows no material; beside the panel it says so."""
-    figure = maps.draw_elastic_map(both)
+    figure = drawn_map("both")
     assert len(panels(figure)) == 3 * 4 + 2
     assert sum("the same for every material" in text for text in words(figure)) == 2
 
 
-def test_a_feasible_line_is_drawn_as_a_line(under_actuated):
+def test_a_feasible_line_is_drawn_as_a_line(drawn_map):
     """One of no area, and nothing is said of its share."""
-    figure = maps.draw_elastic_map(under_actuated)
+    figure = drawn_map("under_actuated")
     ax = panels(figure)[3]
     for mesh in (one for one in ax.collections if isinstance(one, QuadMesh)):
         assert not np.asarray(mesh.get_array()).any()
@@ -195,32 +211,27 @@ def test_a_feasible_line_is_drawn_as_a_line(under_actuated):
 # Figures
 
 
-def test_names_of_meeting_points_stand_beside_them():
+def test_names_of_meeting_points_stand_beside_them(balances):
     """H and V within 50 mm of their points on the drawing."""
-    figure = tilt_condition.draw_moment_balances(tilt_condition.moment_balances())
-    renderer = drawn(figure)
-    for ax in figure.axes:
+    for ax in balances.axes:
         point = next(a for a in ax.lines if a.get_gid() == "meeting point").get_xydata()[0]
         name = next(text for text in ax.texts if text.get_text() in ("H", "V", "intersection"))
-        box = name.get_window_extent(renderer).transformed(ax.transData.inverted())
+        box = name.get_window_extent().transformed(ax.transData.inverted())
         apart = np.maximum([box.x0 - point[0], box.y0 - point[1]], [point[0] - box.x1, point[1] - box.y1]).max()
         assert apart < 0.05
 
 
-def test_legend_of_the_tilt_condition_is_clear_of_the_frame():
+def test_legend_of_the_tilt_condition_is_clear_of_the_frame(balances):
     """It used to end on the line."""
-    figure = tilt_condition.draw_moment_balances(tilt_condition.moment_balances())
-    renderer, ax = drawn(figure), figure.axes[3]
-    right = ax.get_legend().get_window_extent(renderer).transformed(ax.transData.inverted()).x1
+    ax = balances.axes[3]
+    right = ax.get_legend().get_window_extent().transformed(ax.transData.inverted()).x1
     assert right < 0.79
 
 
 @pytest.mark.parametrize("name", ["cogiro", "parallel"])
 def test_numbers_of_axes_in_space_do_not_collide(name, widths):
     """Where two axes share a corner."""
-    figure = lines_figures.spatial(widths[name])
-    renderer = drawn(figure)
-    boxes = tick_boxes(figure.axes[0], "xyz", renderer)
+    boxes = tick_boxes(laid_out(lines_figures.spatial(widths[name])).axes[0], "xyz")
     assert len(boxes) > 10
     assert not touching(boxes)
 
@@ -258,10 +269,8 @@ def test_outline_of_the_feasible_workspace_passes_between_its_grids_columns():
 
 def test_numbers_of_cables_do_not_collide():
     """Fig. 6, in which each cable has its own."""
-    figure = cdpr.PICTURES["layouts"].figure()
-    renderer = drawn(figure)
-    for ax in figure.axes:
-        assert not touching([text.get_window_extent(renderer) for text in ax.texts], 0)
+    for ax in laid_out(cdpr.PICTURES["layouts"].figure()).axes:
+        assert not touching([text.get_window_extent() for text in ax.texts], 0)
 
 
 # Videos

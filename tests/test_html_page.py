@@ -56,6 +56,12 @@ def found(robot) -> robot_summary.RobotSummary:
         return robot_summary.summarise(robot, POSE, grid=GRID)
 
 
+@pytest.fixture
+def without_pictures(monkeypatch) -> None:
+    """Maps are drawn and not encoded, which takes most of a page's time."""
+    monkeypatch.setattr("cdpr_sim.drawing.axes.encoded", lambda *_: b"")
+
+
 @pytest.fixture(scope="module")
 def text(found) -> str:
     with pytest.MonkeyPatch.context() as patch:
@@ -158,12 +164,12 @@ def test_every_row_of_the_worst_poses_says_its_own_numbers(found):
     assert any(view.settled.slack.any() for view in found.worst)
 
 
-def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch):
+def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch, without_pictures):
     """On crossed cables the worst pose lies beside the middle: the maps go through it, and say so."""
     monkeypatch.setattr(robot_summary, "POINTS", 13)
-    robot = cdpr.load_robot("cogiro")
-    found = robot_summary.summarise(robot, grid=(5, 3, 3), motion=False)
-    axes = (np.linspace(*ends, count) for ends, count in zip(robot.workspace.T, (5, 3, 3), strict=True))
+    robot, counts = cdpr.load_robot("cogiro"), (5, 3, 2)
+    found = robot_summary.summarise(robot, grid=counts, motion=False)
+    axes = (np.linspace(*ends, count) for ends, count in zip(robot.workspace.T, counts, strict=True))
     equilibria = cdpr.solve_many(robot, list(itertools.product(*axes)))
     distance, tilt = 1e3 * np.linalg.norm(equilibria.deviation, axis=-1).max(), np.degrees(equilibria.tilt.max())
     assert tilt > 10 * np.degrees(found.first.solved.tilt)
@@ -199,7 +205,7 @@ def test_cables_are_drawn_from_exit_to_anchor_and_slack_ones_as_long_as_they_are
             assert one["label"] == ("slack" if one["slack"] else f"{float(f'{rest.tensions[cable]:.3g}'):g} N")
 
 
-def test_methods_that_do_not_agree_are_said_first(robot, monkeypatch):
+def test_methods_that_do_not_agree_are_said_first(robot, monkeypatch, without_pictures):
     """A solver that is wrong by 1 % in every tension is on the page: in the verdict, and above all other poses."""
 
     def wrong(problems, *rest):
@@ -245,7 +251,7 @@ def test_what_cannot_be_shown_is_said(robot):
     assert "Maps of the workspace" not in shown.words
 
 
-def test_the_command_writes_the_page_whole_and_over_nothing(tmp_path, monkeypatch):
+def test_the_command_writes_the_page_whole_and_over_nothing(tmp_path, monkeypatch, without_pictures):
     """Mistakes are a sentence and exit status 2, and leave no file; one that is there stays, unless forced."""
     monkeypatch.setattr(robot_summary, "POINTS", 5)
     runner, path = CliRunner(), tmp_path / "robot.html"

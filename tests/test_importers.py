@@ -566,7 +566,7 @@ def test_either_file_of_casprs_pair_stands_for_both(format):
         np.testing.assert_array_equal(*(getattr(robot, name) for robot in robots), err_msg=name)
 
 
-MUTATIONS = 40
+MUTATIONS = 15
 
 
 def mutate_imports():

@@ -49,7 +49,8 @@ def test_map_draws_what_the_sweep_found_on_shared_scales(dataset):
 def test_maps_fill_their_panels():
     """Whatever part of its frame a grid covers: the cells reach from edge to edge, also of coarse and slender grids."""
     for plane in (PLANE, {"x": [0.3, 0.5], "z": [0.1, 0.15, 0.2]}, {"x": np.linspace(0.1, 0.7, 40), "z": [0.2, 0.21]}):
-        figure = maps.draw_elastic_map(cdpr.sweep("cogiro", plane, quantities=maps.QUANTITIES))
+        dataset = cdpr.sweep("cogiro", plane, quantities=maps.QUANTITIES)
+        figure = maps.draw_elastic_map(dataset, names=["slack_count", "feasible"])
         for ax in panels(figure):
             corners = meshes(ax)[-1].get_coordinates()
             assert [*ax.get_xlim()] == pytest.approx(corners[0, [0, -1], 0], rel=1e-9)
@@ -124,9 +125,9 @@ def test_levels_are_three_to_six_round_numbers(largest):
     assert round(digits, 6) in (1, 2, 5)
 
 
-def test_picture_is_written_whole_or_not_at_all(dataset, tmp_path):
+def test_picture_is_written_whole_or_not_at_all(four, tmp_path):
     """A picture that exists is not replaced unasked, and survives a failed attempt to replace it."""
-    figure = maps.draw_elastic_map(dataset, names=["tilt"])
+    figure = maps.draw_elastic_map(four, names=["feasible"])
     for suffix in maps.SUFFIXES:
         maps.write(figure, tmp_path / f"map{suffix}")
         with pytest.raises(cdpr.InvalidInput, match="exists"):

@@ -280,6 +280,7 @@ def test_a_video_drives_cables_with_mass(tmp_path, monkeypatch):
     file, video = tmp_path / "mine.toml", tmp_path / "mine.gif"
     file.write_text(f"linear_density = 0.0005\n{text_of('planar-vertical')}")
     motions = []
+    monkeypatch.setattr("cdpr_sim.cli.picture_commands.COMPENSATED_WAYPOINTS", 3)
     monkeypatch.setattr(
         "cdpr_sim.studies.robot_summary.write_both_methods", lambda _, trajectories, **__: motions.extend(trajectories)
     )
@@ -333,7 +334,7 @@ def test_point_exit_lengths_change_as_straight_cables_do(real):
         assert lengths[:, cable] == pytest.approx([at_home, at_home + change], abs=1e-12)
 
 
-@pytest.mark.parametrize("number", [0, 1, 2])
+@pytest.mark.parametrize("number", [1, 2])
 def test_effects_are_differences_of_single_solves(number):
     """Each row against solves made one by one; MuJoCo and statics together to 1e-7 m."""
     case = real_cables.cases()[number]
@@ -389,7 +390,7 @@ def test_the_crane_as_it_is_is_all_properties_at_once():
 @pytest.fixture(scope="module")
 def study() -> real_cables.RealCables:
     """All of it, over a few poses."""
-    return real_cables.real_cables(6)
+    return real_cables.real_cables(2)
 
 
 @pytest.fixture(scope="module")

@@ -292,8 +292,9 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     assert figure.get_supxlabel().replace("\n", " ").startswith(robot)
 
 
-def test_the_drifts_colours_are_the_bars():
+def test_the_drifts_colours_are_the_bars(monkeypatch):
     """A piece of the curve has the colour that stands beside its stiffness."""
+    monkeypatch.setattr(two_cable, "SURFACE", (25, 19))  # for each point of which a quartic is solved
     robot = cdpr.load_robot("two-cable")
     commanded, stiffness = np.array([[0.2, 0, 0.3]]), np.array([1000.0, 100.0, 50.0, 15.0])
     robots = [robot.replace(axial_stiffness=EA) for EA in stiffness]

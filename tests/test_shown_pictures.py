@@ -148,7 +148,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
 def test_a_picture_says_what_is_drawn_larger(written, moving):
     """So many times, in every frame; and nothing where all is to scale."""
     for times, said in ((3.0, ["Deviations drawn 3 × larger; the numbers are the true values"]), (1.0, [])):
-        with writing.VideoFrames(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
+        with writing.VideoFrames(moving, None, None, 0.5, 4.0, (1280, 720), times, "raycast", None) as shown:
             written.clear()
             next(shown.frames())
         assert [word.text for word in written if "large" in word.text] == said
@@ -188,7 +188,7 @@ def test_the_outline_is_where_the_static_solver_puts_it(moving):
     lifted = RigidTransform.from_components(poses.translation + np.array([0, 0, 0.06]), Rotation.identity(len(moving)))
     places = []
     for static in (poses, lifted):
-        with writing.VideoFrames(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None) as shown:
+        with writing.VideoFrames(moving, static, None, 0.5, 4.0, (1280, 720), 1.0, "raycast", None) as shown:
             (picture, *_) = shown.frames()
             view = shown.page.cells[0].view
             places.append(outline(picture[view.top : view.bottom, view.left : view.right]))
@@ -199,7 +199,7 @@ def test_the_legend_names_the_outline_only_where_there_is_one(written, moving):
     """With the static solver's poses, and without."""
     for static, count in ((cdpr.solve_trajectory(moving).poses, 1), (None, 0)):
         written.clear()
-        writing.VideoFrames(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
+        writing.VideoFrames(moving, static, None, 0.5, 4.0, (1280, 720), 1.0, "raycast", None)
         assert sum("static" in word.text for word in written) == count
 
 

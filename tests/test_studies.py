@@ -110,8 +110,9 @@ def test_a_row_without_rest_is_no_rest():
     ("robot", "counts"),
     [("planar-vertical", {0, 1, 2}), ("planar-horizontal", {0}), ("parallel", {0, 2, 4}), ("cogiro", {0})],
 )
-def test_cables_go_slack_as_the_paper_reports(robot, counts):
+def test_cables_go_slack_as_the_paper_reports(robot, counts, monkeypatch):
     """Fig. 7, 8, 10, 11: four, three, two taut cables; none slack; two and four of eight; none slack."""
+    monkeypatch.setattr(studies, "feasible_outline", lambda robot: np.empty((0, 3)))
     width = studies.across_the_width(cdpr.load_robot(robot), static_rows=301, settled_rows=3)
     for line in width.lines:
         assert {slack for *_, slack in studies.zones(line.static)} == counts

@@ -153,7 +153,7 @@ def test_each_shape_is_cast_as_opengl_draws_it(kind):
 def test_what_stands_still_is_not_drawn_again_and_looks_the_same(parallel, static):
     """Every picture of a caster that has drawn others before is, bit for bit, that of one that has not."""
     stage = scene.Stage(parallel, static, largest_tension=2.0)
-    used = raycast.RayCaster(stage.model)
+    used, size = raycast.RayCaster(stage.model), (160, 120)
     whole, floor = stage.whole(4 / 3), stage.model.geom("floor").id
     moves = {
         "a rod of the frame": lambda geoms: geoms[5].pos.__setitem__(0, geoms[5].pos[0] + 0.1),
@@ -169,8 +169,8 @@ def test_what_stands_still_is_not_drawn_again_and_looks_the_same(parallel, stati
         if now:
             moves[move](stage.scene.geoms)
         fresh = raycast.RayCaster(stage.model)
-        np.testing.assert_array_equal(used.start(stage.scene, *VIEW)(), fresh.start(stage.scene, *VIEW)(), err_msg=move)
-        known.append(used._backdrops[VIEW].known)
+        np.testing.assert_array_equal(used.start(stage.scene, *size)(), fresh.start(stage.scene, *size)(), err_msg=move)
+        known.append(used._backdrops[size].known)
         fresh.close()
     used.close()
     assert max(known) > 10  # that much of the frame was not drawn again
@@ -189,7 +189,7 @@ def test_a_film_is_the_same_on_any_number_of_processors(tmp_path, parallel, stat
                 tmp_path / f"{processors}.mp4",
                 [parallel, parallel],
                 [static, None],
-                seconds=1.5,
+                seconds=0.8,
                 fps=10,
                 size=(322, 242),
                 renderer="raycast",
@@ -456,10 +456,13 @@ def test_an_encoder_that_fills_the_disk_is_no_mistake_of_the_users(tmp_path, par
     assert not list(tmp_path.iterdir())
 
 
+DRIVEN = ["video", "planar-vertical", "--drive-seconds", "1", "--fps", "2"]
+
+
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory) -> None:
     """All that a video of a drive needs is compiled, so that it is drawing that is interrupted."""
-    words = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "0.1", "--size", "320", "240"]
+    words = [*DRIVEN, "--seconds", "1", "--size", "320", "240"]
     assert CliRunner().invoke(app, [*words, "-o", str(tmp_path_factory.mktemp("compiled") / "v.mp4")]).exit_code == 0
 
 
@@ -467,7 +470,7 @@ def compiled(tmp_path_factory) -> None:
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_an_interrupted_command_leaves_nothing(compiled, tmp_path, name):
     """Ctrl-C in a terminal reaches Python and ffmpeg alike: no file, no temporary one, no traceback, status 128 + 2."""
-    words = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "60", "--size", "320", "240", "-o", "v.mp4"]
+    words = [*DRIVEN, "--seconds", "60", "--size", "1920", "1080", "-o", "v.mp4"]  # 20 s of drawing
     command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *words]
     environment = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])}
     process = subprocess.Popen(
@@ -485,7 +488,7 @@ def test_an_interrupted_command_leaves_nothing(compiled, tmp_path, name):
             assert process.poll() is None, process.stderr.read()
             time.sleep(0.05)
         assert any(tmp_path.iterdir())
-        time.sleep(1)  # ffmpeg writes its first bytes much later
+        time.sleep(0.2)  # ffmpeg writes its first bytes much later
         os.killpg(process.pid, getattr(signal, name))
         error = process.communicate(timeout=60)[1]
     finally:

@@ -240,14 +240,15 @@ def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple
 
 def _thin_ticks(figure: Figure) -> None:
     """Hide tick labels that would overlap other tick labels."""
-    figure.draw_without_rendering()
+    panels = [ax for ax in figure.axes if ax.get_label() == "panel"]
+    for ax in panels:
+        ax.apply_aspect()
     for name in ("xaxis", "yaxis"):
         kept: list[Any] = []
-        for ax in figure.axes:
-            if ax.get_label() != "panel":
-                continue
+        for ax in panels:
             axis = getattr(ax, name)
             low, high = axis.get_view_interval()
+            axis.get_majorticklabels()  # places them
             for tick in axis.get_major_ticks():
                 label: Text = tick.label1
                 if not (label.get_visible() and label.get_text() and low <= tick.get_loc() <= high):
