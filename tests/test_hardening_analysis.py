@@ -69,12 +69,12 @@ def noisy(robot: cdpr.Robot, positions: np.ndarray, noise: tuple[float, float], 
 
 @pytest.mark.parametrize("ratio", [0.1, 10.0])
 def test_errors_of_positions_and_angles_are_judged_apart(catalogue, ratio):
-    """However they compare, each is found: of ten times 24 numbers, to 5 %."""
+    """However they compare, each is found: of five times 24 numbers, to 7 %."""
     robot = catalogue["cogiro"].replace(axial_stiffness=1e3)
     noise = 1e-5, ratio * 1e-5 / robot.characteristic_length
     rng = np.random.default_rng(1)
     positions = rng.uniform([0.2, 0.15, 0.1], [0.6, 0.35, 0.25], (8, 3))
-    fits = [cdpr.identify(robot, noisy(robot, positions, noise, rng)) for _ in range(10)]
+    fits = [cdpr.identify(robot, noisy(robot, positions, noise, rng)) for _ in range(5)]
     judged = np.mean([[*found.scatters.values()] for found in fits], axis=0)
     assert judged == pytest.approx(noise, rel=0.15)
     # Negative control: that an angle's error is a position's over the arm, as was assumed, is far off.

@@ -27,7 +27,7 @@ FITTED = 1e-5
 """Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from
 statics', over a sag of 4e-4 m."""
 
-FITS = 20
+FITS = 14
 """To judge standard errors by: all of them together, nine numbers each, and the test asserts what they can tell."""
 
 WEIGHED = 0.01
@@ -479,7 +479,7 @@ HELD = 0.85
 """Share of the true values that so few 95 % intervals hold at least: 0.93 to 0.97 of many."""
 
 
-@pytest.mark.parametrize(("case", "fits"), [("judged", 3), ("lengths", 3)])
+@pytest.mark.parametrize(("case", "fits"), [("judged", 3), ("lengths", 2)])
 def test_intervals_hold_what_they_say(case, fits):
     """Of a few simulated measurements; ``scripts/interval_coverage.py`` has many. Narrower ones hold fewer."""
     found = fitted(case, fits, seed=1)

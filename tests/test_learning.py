@@ -89,7 +89,7 @@ def test_seeded_runs_are_bitwise_equal():
     assert not np.array_equal(once[-2], other[-2])
 
 
-@pytest.mark.parametrize("robot", ["cogiro", "ipanema-1"])
+@pytest.mark.parametrize("robot", ["ipanema-1"])
 def test_many_simulations_are_single_ones_bitwise(robot):
     """Whatever the threads; seeds count up, and an episode follows another."""
     settings = {"robot": robot, "seconds": 0.1, "domain": {"mass": 0.1, "exits": 0.002}}

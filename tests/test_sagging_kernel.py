@@ -14,7 +14,7 @@ from cdpr_sim.statics.cable_kernel import SAGGING
 from cdpr_sim.statics.gufuncs import EQUILIBRIA
 from cdpr_sim.statics.profiles import catenary
 
-ROBOTS = 300
+ROBOTS = 100
 """Random ones; ``scripts/stress_test_real_cables.py`` tries 10,000."""
 
 LARGEST_RESIDUAL = 1e-6
