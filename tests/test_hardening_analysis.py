@@ -17,11 +17,12 @@ from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.compensation_check import held
 
 
-def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held():
-    """Number 201 once got strains of 1200, its cables cut to a thousandth; test_compensation.py asks for others."""
-    problem = random_problem(201)
-    found = cdpr.compensate(problem)
-    most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
+def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held(catalogue):
+    """The stiffest tensions of a stretched robot reach them; there were once strains of 1200."""
+    robot = catalogue["ipanema-1"].replace(force_max=np.inf, breaking_load=np.inf)
+    found = cdpr.compensate(robot, robot.home, prefer="stiffest")
+    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * robot.weight)
+    assert found.tensions.max() == pytest.approx(most[0], rel=1e-6)
     assert (found.tensions <= most * (1 + 1e-6)).all()
     assert cdpr.verify_compensation(found).held
 

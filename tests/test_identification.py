@@ -27,7 +27,7 @@ FITTED = 1e-5
 """Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from
 statics', over a sag of 4e-4 m."""
 
-FITS = 14
+FITS = 20
 """To judge standard errors by: all of them together, nine numbers each, and the test asserts what they can tell."""
 
 WEIGHED = 0.01
@@ -370,7 +370,7 @@ def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):
     """With mass, over pulleys and nonlinear; believed to be massless, the same cables are far from what they are."""
     true = robot.replace(linear_density=5e-3, pulley_radius=0.01, stiffening=(1.0, 20.0))
     offsets = 1e-3 * np.array([1, -1, 2, 0, 1, 0, -2, 1])
-    positions = commanded(6)
+    positions = commanded(3)
     measurements = cdpr.Measurements.of(positions, exact_poses(true, positions, offsets))
     believed = true.replace(axial_stiffness=2 * true.axial_stiffness)
     found = cdpr.identify(believed, measurements, unknowns=["axial_stiffness", "rest_length_offsets"])
@@ -479,7 +479,7 @@ HELD = 0.85
 """Share of the true values that so few 95 % intervals hold at least: 0.93 to 0.97 of many."""
 
 
-@pytest.mark.parametrize(("case", "fits"), [("judged", 3), ("lengths", 2)])
+@pytest.mark.parametrize(("case", "fits"), [("judged", 3), ("lengths", 3)])
 def test_intervals_hold_what_they_say(case, fits):
     """Of a few simulated measurements; ``scripts/interval_coverage.py`` has many. Narrower ones hold fewer."""
     found = fitted(case, fits, seed=1)

@@ -44,7 +44,7 @@ DATA = {"", "text", "csv", "toml", "yaml"}
 
 
 SOONER = {
-    "video": "--drive-seconds 1 --seconds 0.25",
+    "video": "--drive-seconds 1 --seconds 0.5",
     "report": "--grid 3 1 2",
     "map": "--points 5",
 }
