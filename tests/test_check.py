@@ -16,7 +16,7 @@ from cdpr_sim.drawing import maps
 from cdpr_sim.physics import dynamic_relaxation
 from cdpr_sim.report.workspace_tables import check_table, sweep_table
 
-GRID = (6, 3, 4)
+GRID = (4, 3, 2)
 
 
 def methods(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:
@@ -29,7 +29,7 @@ def methods(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.EquilibriumB
 def test_many_rows_are_compared_as_one_by_one(catalogue, name):
     """The same errors, cross residuals and verdicts as ``compare``, row by row, neutral equilibria included."""
     robot = catalogue[name]
-    solved, settled = methods(robot, grid(robot, 60))
+    solved, settled = methods(robot, grid(robot, 30))
     many = compare_many(solved, settled)
     verdicts, outcome = set(), checking.outcomes_of(many)
     for row in range(len(solved)):

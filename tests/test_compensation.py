@@ -65,7 +65,7 @@ def by_mujoco(robot, compensation: cdpr.Compensation) -> tuple[cdpr.Equilibrium,
 def test_on_cogiro_with_the_fishing_line_the_error_falls_below_a_micrometre(catalogue, prefer):
     """Along the paper's line, in MuJoCo: half a millimetre before, nothing after."""
     robot = catalogue["cogiro"].replace(material="fishing-0.4mm")
-    for pose in paper_line(robot, points=5):
+    for pose in paper_line(robot, points=3):
         found = cdpr.compensate(robot, pose, prefer=prefer)
         assert found.exact
         before, after = by_mujoco(robot, found)
@@ -282,7 +282,7 @@ def test_on_random_robots_mujoco_rests_where_compensation_says():
     """
     reached = set()
 
-    @settings(max_examples=15)
+    @settings(max_examples=8)
     @given(random_problems())
     def check(problem: cdpr.Problem) -> None:
         found = cdpr.compensate(problem)

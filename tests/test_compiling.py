@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
@@ -97,19 +98,6 @@ def test_code_is_found_whether_modules_were_compiled_or_their_bytecode_was_read(
     assert len(caplog.messages) == 1
 
 
-def test_first_answers_need_no_numba():
-    """Settled, solved by each method and compared: the first poses are there before Numba would be imported."""
-    code = (
-        "import sys, cdpr_sim as cdpr; problem = cdpr.Problem.of(cdpr.load_robot('parallel'), (0.3, 0.25, 0.1)); "
-        "found = [cdpr.solve(problem, method=method) for method in ('newton', 'fsolve', 'least_squares')]; "
-        "assert cdpr.compare(found[0], cdpr.settle(problem)).agrees; "
-        "assert 'numba' not in sys.modules; "
-        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 80); assert 'numba' not in sys.modules; "
-        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 80); assert 'numba' in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 @pytest.mark.parametrize("name", ["parallel", "planar-vertical", "irma4u"])
 def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypatch):
     """To the last bit; over pulleys to rounding, since NumPy has an arctan2 of its own."""
@@ -163,14 +151,14 @@ kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(1000.0)
 """
 
 
-def start(folder: Path, text: str, name: str = "script.py") -> subprocess.Popen:
+def start(folder: Path, text: str, name: str = "script.py", words: Sequence[str] = ()) -> subprocess.Popen:
     """A script that is run by itself, with the machine code of this folder alone."""
     script = folder / name
     if not script.exists() or script.read_text() != text:  # Numba 0.61 compiles anew what has another time
         script.write_text(text)
     environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(folder / "cache")}
     pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return subprocess.Popen([sys.executable, name], cwd=folder, env=environment, **pipes)  # type: ignore[call-overload]
+    return subprocess.Popen([sys.executable, name, *words], cwd=folder, env=environment, **pipes)  # type: ignore[call-overload]
 
 
 def finished(process: subprocess.Popen) -> tuple[list[str], str]:
@@ -184,19 +172,40 @@ def finished(process: subprocess.Popen) -> tuple[list[str], str]:
     return printed.split(), said
 
 
+SEVERAL = (
+    DOUBLED
+    + """
+import sys
+
+def times(factor):
+    def scaled(value, result):
+        result[0] = factor * value
+    return scaled
+
+kernels = {"two": compiling.Kernel("twofold", times(2.0), "()->()"),
+           "three": compiling.Kernel("threefold", times(3.0), "()->()")}
+print(kernel(many).sum(), *(kernels[name].compiled(1.0) for name in sys.argv[1:]))
+"""
+)
+
+
 def test_processes_that_come_at_once_all_compile_and_one_publishes(tmp_path):
-    """Nobody waits, nothing is left but one folder, and the next process loads it."""
-    text = DOUBLED + "print(kernel(many).sum())"
-    for process in [start(tmp_path, text) for _ in range(2)]:
+    """Nobody waits, nothing is left but one folder for each kernel, and the next process loads all.
+
+    Numba names code by its function and how many came before it: what two processes compiled of one function is told
+    apart.
+    """
+    at_once = [start(tmp_path, SEVERAL, words=[name]) for name in ("two", "three")]
+    for process, answer in zip(at_once, ("2.0", "3.0"), strict=True):
         printed, said = finished(process)
-        assert printed == ["999000.0"]
+        assert printed == ["999000.0", answer]
         assert "compiles its double" in said
     published = [path for place in (tmp_path / "cache" / "cdpr_sim").glob("*/*") for path in place.iterdir()]
-    assert [path.name for path in published] == ["double-0"]
-    before = contents(published[0])
-    assert len(before) == 4  # an index and code, of the function and of its loop
-    assert finished(start(tmp_path, text)) == (["999000.0"], "")
-    assert contents(published[0]) == before
+    assert {path.name for path in published} == {"double-0", "twofold-0", "threefold-0"}
+    before = [contents(path) for path in published]
+    assert [len(files) for files in before] == [4, 4, 4]  # an index and code, of the function and of its loop
+    assert finished(start(tmp_path, SEVERAL, words=["two", "three"])) == (["999000.0", "2.0", "3.0"], "")
+    assert [contents(path) for path in published] == before
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -243,34 +252,6 @@ def test_a_compilation_that_fails_leaves_nothing(empty_cache, tmp_path, error):
     if isinstance(error, OSError):
         expected = f"compiled code: cannot be written to {tmp_path}: No space left on device; expected space, or NUMBA"
         assert str(raised.value).startswith(expected)
-
-
-VARIANTS = """
-import sys
-from cdpr_sim.core.compiling import Kernel
-
-def times(factor):
-    def scaled(value, result):
-        result[0] = factor * value
-    return scaled
-
-kernels = {"double": Kernel("twofold", times(2.0), "()->()"), "triple": Kernel("threefold", times(3.0), "()->()")}
-print(*(kernels[name].compiled(1.0) for name in sys.argv[1:]))
-"""
-
-
-def test_what_two_processes_compiled_of_one_function_is_told_apart(tmp_path):
-    """Numba names code by its function and how many came before it: one of the two was taken for the other."""
-    (tmp_path / "variants.py").write_text(VARIANTS)
-    environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-
-    def said_by_a_process(*names: str) -> list[str]:
-        words = [sys.executable, "variants.py", *names]
-        return subprocess.check_output(words, cwd=tmp_path, env=environment, text=True).split()
-
-    assert said_by_a_process("double") == ["2.0"]
-    assert said_by_a_process("triple") == ["3.0"]
-    assert said_by_a_process("double", "triple") == ["2.0", "3.0"]
 
 
 # --- nobody waits for ever ----------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ flint = pytest.importorskip("flint")
 STARTS = 40
 """Of the other search; 300 find the same equilibria of these planar robots."""
 
-BOXES_EACH = 100
+BOXES_EACH = 40
 """Random boxes thrown about each proved equilibrium."""
 
 STEPS = 12
@@ -207,7 +207,7 @@ SPATIAL = {
 def test_a_spatial_box_with_an_equilibrium_survives(changes):
     """Eight cables, six coordinates, four charts: the same attack on equilibria that Newton found."""
     problem = cdpr.Problem.of(cdpr.load_robot("cogiro").replace(**changes), (0.3, 0.2, 0.15))
-    found = cdpr.find_equilibria(problem, starts=100)
+    found = cdpr.find_equilibria(problem, starts=30)
     proved = [cdpr.certify(one) for one in found]
     listed = complete.CompleteEquilibria(problem, tuple(one for one in proved if one.proved), (), 0, 0, 0.0)
     assert len(listed)
@@ -420,7 +420,7 @@ def test_rotations_of_a_box_are_enclosed_and_those_of_a_point_to_rounding():
     """Cayley's R = 1 + 2 (V + V²)/(1 + |v|²), and its angular velocities 2 (e_k + v × e_k)/(1 + |v|²)."""
     random, R, spin = np.random.default_rng(0), np.zeros((9, 2)), np.zeros((9, 2))
     for half in (0.0, 1e-3, 0.3):
-        for _ in range(100):
+        for _ in range(30):
             middle, q = random.uniform(-0.7, 0.7, 3), np.zeros((6, 2))
             q[3:] = np.stack([middle - half, middle + half], axis=1)
             geometry_kernel.turn(q, R, spin)
@@ -447,7 +447,7 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
         cable = Cable(problem, 0)
         wheel = complete._wheels([cable])[0]
     compared, narrow, half_turned, beyond = 0, 0, 0, 0
-    for _ in range(1500):
+    for _ in range(500):
         x = 10 ** random.uniform(-9, 9)
         with arithmetic():
             angle = flint.arb(x).atan()
@@ -473,10 +473,10 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
             half_turned += bool(along @ cable.axis < -0.9)
             beyond += float(np.dot(middles(along), np.cross(axis, np.cross(at, axis)))) < 0
         compared += 1
-    assert compared > 300
-    assert narrow > 50
-    assert half_turned > 20
-    assert beyond > 20
+    assert compared > 100
+    assert narrow > 15
+    assert half_turned > 6
+    assert beyond > 6
 
 
 def test_the_compiler_contracts_no_product_and_sum():

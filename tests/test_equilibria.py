@@ -45,7 +45,8 @@ def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, nam
     assert found.stable
     assert found.unstable
     assert found.imbalance == 0
-    for one in found:
+    distinct = np.diff(found.energies, prepend=-np.inf) > 1e-9  # the others are mirror images
+    for one in np.array(found.found, dtype=object)[distinct]:
         assert one.stability is not Stability.NEUTRAL
         went = release(one, seconds=1.0 if one.stable else 30.0)
         assert (went.stays, went.leaves) == (one.stable, not one.stable), (one, went)

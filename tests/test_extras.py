@@ -18,10 +18,12 @@ for name in {names!r}:
     sys.modules[name] = None
 import cdpr_sim as cdpr
 from cdpr_sim.__main__ import main
-robot = cdpr.load_robot("parallel")
-assert cdpr.compare(cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))).agrees
-cdpr.solve_many(robot, [(0.3, 0.25, 0.1)] * 12)
+robot, pose = cdpr.load_robot("parallel"), (0.3, 0.25, 0.1)
+found = [cdpr.solve(robot, pose, method=method) for method in ("newton", "fsolve", "least_squares")]
+assert cdpr.compare(found[0], cdpr.settle(robot, pose)).agrees
+cdpr.solve_many(robot, [pose] * 80)
 robot._repr_html_()
+assert "numba" not in sys.modules
 sys.argv = ["cdpr-sim", "settle", "parallel"]
 main()
 """
@@ -39,7 +41,7 @@ CALLS = {
     "sweep": [lambda robot, path: cdpr.sweep(robot, (2, 2, 2)), lambda robot, path: cdpr.check(robot, (2, 2, 2)),
               lambda robot, path: cdpr.open_sweep(path / "s.zarr")],
     "video": [lambda robot, path: cdpr.write_video(
-        path / "v.mp4", cdpr.drive(robot, [(0.3, 0.25, 0.1)] * 2, seconds=1.0)
+        path / "v.mp4", cdpr.drive(robot, [(0.3, 0.25, 0.1)] * 2, seconds=0.1)
     )],
     "design": [lambda robot, path: cdpr.find_front(robot, [(0.3, 0.25, 0.1)], within=0.1)],
     "proof": [lambda robot, path: cdpr.certify(cdpr.solve(robot, (0.3, 0.25, 0.1)))],
@@ -49,8 +51,8 @@ CALLS = {
 """What needs each extra."""
 
 
-def test_solve_and_settle_need_no_extra():
-    """In Python, in a notebook and on the command line."""
+def test_solve_and_settle_need_no_extra_and_first_answers_no_numba():
+    """In Python, in a notebook and on the command line: the first poses are there before Numba would be imported."""
     names = [name for several in LIBRARIES.values() for name in several] + ["IPython", "pandas"]
     done = subprocess.run([sys.executable, "-c", CORE.format(names=names)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_problems import grid, random_problems, symmetric_pair
 from scipy.optimize import linprog
@@ -30,7 +30,7 @@ def test_fast_method_says_what_linear_programming_says(catalogue, limits):
     """On every robot, on a grid with all its planes of symmetry, where the workspace's border is hardest to tell."""
     said = set()
     for robot in (catalogue[name] for name in PAPER_ROBOTS):
-        positions = grid(robot, 30)
+        positions = grid(robot, 15)
         left = cdpr.shortfall(robot, positions, tension_limits=limits)
         clear = (left <= BALANCED) | (left > HIGHS)
         assert clear.all()
@@ -44,6 +44,7 @@ def test_fast_method_says_what_linear_programming_says_of_random_robots():
     """Random robots, poses and wrenches, with limits as shares of the weight."""
     said = []
 
+    @settings(max_examples=50)
     @given(random_problems(), st.sampled_from([(0.0, np.inf), (0.0, 0.6), (0.05, 0.6), (0.2, np.inf)]))
     def check(problem: cdpr.Problem, share: tuple[float, float]) -> None:
         robot, rotation = problem.robot, problem.pose.rotation.as_matrix()
@@ -55,8 +56,8 @@ def test_fast_method_says_what_linear_programming_says_of_random_robots():
             assert (left <= BALANCED) == said[-1]
 
     check()
-    assert len(said) >= 95
-    assert 10 <= sum(said) <= len(said) - 10
+    assert len(said) >= 47
+    assert 5 <= sum(said) <= len(said) - 5
 
 
 SAME_MARGIN = 1e-9
@@ -72,7 +73,7 @@ ROBOTS = {name: {} for name in ("parallel", "cogiro", "planar-vertical", "two-ca
 def test_margin_is_what_linear_programming_finds(name, limits):
     """The largest t with tau_min + t <= tau <= tau_max - t in balance with each wrench; its sign is feasibility."""
     robot = cdpr.load_robot(name.split()[0]).replace(**ROBOTS[name])
-    positions = np.random.default_rng(3).uniform(*robot.workspace, (25, 3))
+    positions = np.random.default_rng(3).uniform(*robot.workspace, (10, 3))
     wrenches = robot.weight * np.array([[0.0] * 6, [0.2, 0, -0.3, 0, 0, 0]])
     asked = {"tension_limits": limits, "wrenches": wrenches}
     found = capacity_margin(robot, positions, **asked)

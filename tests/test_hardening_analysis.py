@@ -17,11 +17,12 @@ from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.compensation_check import held
 
 
-def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held():
-    """Number 201 once got strains of 1200, its cables cut to a thousandth; test_compensation.py asks for others."""
-    problem = random_problem(201)
-    found = cdpr.compensate(problem)
-    most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
+def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_held(catalogue):
+    """The stiffest tensions of a stretched robot reach them; there were once strains of 1200."""
+    robot = catalogue["ipanema-1"].replace(force_max=np.inf, breaking_load=np.inf)
+    found = cdpr.compensate(robot, robot.home, prefer="stiffest")
+    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * robot.weight)
+    assert found.tensions.max() == pytest.approx(most[0], rel=1e-6)
     assert (found.tensions <= most * (1 + 1e-6)).all()
     assert cdpr.verify_compensation(found).held
 
@@ -69,12 +70,12 @@ def noisy(robot: cdpr.Robot, positions: np.ndarray, noise: tuple[float, float], 
 
 @pytest.mark.parametrize("ratio", [0.1, 10.0])
 def test_errors_of_positions_and_angles_are_judged_apart(catalogue, ratio):
-    """However they compare, each is found: of ten times 24 numbers, to 5 %."""
+    """However they compare, each is found: of five times 24 numbers, to 7 %."""
     robot = catalogue["cogiro"].replace(axial_stiffness=1e3)
     noise = 1e-5, ratio * 1e-5 / robot.characteristic_length
     rng = np.random.default_rng(1)
     positions = rng.uniform([0.2, 0.15, 0.1], [0.6, 0.35, 0.25], (8, 3))
-    fits = [cdpr.identify(robot, noisy(robot, positions, noise, rng)) for _ in range(10)]
+    fits = [cdpr.identify(robot, noisy(robot, positions, noise, rng)) for _ in range(5)]
     judged = np.mean([[*found.scatters.values()] for found in fits], axis=0)
     assert judged == pytest.approx(noise, rel=0.15)
     # Negative control: that an angle's error is a position's over the arm, as was assumed, is far off.

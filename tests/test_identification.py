@@ -328,9 +328,9 @@ def test_one_stiffness_predicts_better_than_eight_that_the_data_do_not_hold(robo
     assert any("the data do not determine so many unknowns" in reason for reason in found.reasons)
 
 
-@pytest.mark.parametrize("asked", [("axial_stiffness",), ("axial_stiffness", "center_of_mass")])
-def test_rows_left_out_are_missed_by_as_much_as_said(robot, asked):
+def test_rows_left_out_are_missed_by_as_much_as_said(robot):
     """By fits without each in turn, which the prediction does without."""
+    asked = ("axial_stiffness", "center_of_mass")
     poses = noisy(robot, exact_poses(robot, commanded(6)), np.random.default_rng(4))
     errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
     found = cdpr.identify(robot, cdpr.Measurements.of(commanded(6), poses), asked, **errors)
@@ -370,7 +370,7 @@ def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):
     """With mass, over pulleys and nonlinear; believed to be massless, the same cables are far from what they are."""
     true = robot.replace(linear_density=5e-3, pulley_radius=0.01, stiffening=(1.0, 20.0))
     offsets = 1e-3 * np.array([1, -1, 2, 0, 1, 0, -2, 1])
-    positions = commanded(6)
+    positions = commanded(3)
     measurements = cdpr.Measurements.of(positions, exact_poses(true, positions, offsets))
     believed = true.replace(axial_stiffness=2 * true.axial_stiffness)
     found = cdpr.identify(believed, measurements, unknowns=["axial_stiffness", "rest_length_offsets"])

@@ -89,7 +89,7 @@ def test_seeded_runs_are_bitwise_equal():
     assert not np.array_equal(once[-2], other[-2])
 
 
-@pytest.mark.parametrize("robot", ["cogiro", "ipanema-1"])
+@pytest.mark.parametrize("robot", ["ipanema-1"])
 def test_many_simulations_are_single_ones_bitwise(robot):
     """Whatever the threads; seeds count up, and an episode follows another."""
     settings = {"robot": robot, "seconds": 0.1, "domain": {"mass": 0.1, "exits": 0.002}}
@@ -175,10 +175,10 @@ def test_a_window_without_a_display_is_refused_in_a_sentence(monkeypatch):
 
 def test_random_actions_leave_it_finite():
     """Over the whole range, on a stiff robot; episodes end, observations stay finite."""
-    environments = gymnasium.make_vec("cdpr_sim/Track-v0", num_envs=4, robot="cogiro", seconds=1.0)
+    environments = gymnasium.make_vec("cdpr_sim/Track-v0", num_envs=4, robot="cogiro", seconds=0.5)
     environments.reset(seed=0)
     environments.action_space.seed(1)
-    for _ in range(150):
+    for _ in range(75):
         observations, rewards, *_ = environments.step(environments.action_space.sample())
         assert np.isfinite(observations).all()
         assert np.isfinite(rewards).all()

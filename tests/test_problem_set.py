@@ -30,6 +30,16 @@ def problems() -> list[problem_set.SetProblem]:
     return problem_set.read_problems(FOLDER)
 
 
+@pytest.fixture(scope="module")
+def few(tmp_path_factory) -> Path:
+    """A folder with the first five problems of each level."""
+    folder = tmp_path_factory.mktemp("few")
+    for level in problem_set.LEVELS:
+        told = json.loads((FOLDER / f"{level}.json").read_text())
+        (folder / f"{level}.json").write_text(json.dumps(told | {"problems": told["problems"][:5]}))
+    return folder
+
+
 def perfect(one: problem_set.SetProblem) -> RigidTransform:
     stable = one.index.index(0)
     return RigidTransform.from_components(one.positions[stable], Rotation.from_matrix(one.rotations[stable]))
@@ -94,7 +104,7 @@ def test_an_equilibrium_that_a_list_lacks_counts_if_it_is_proved(problems):
     assert score.evaluated(other, 0, perfect(one), 0.0).digits > 10
 
 
-def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, monkeypatch, problems):
+def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, monkeypatch, problems, few):
     """Both give what the file gives; status 1 where something is called solved that is not."""
     some = [one for level in problem_set.LEVELS for one in [p for p in problems if p.level == level][:2]]
     answers = {
@@ -105,7 +115,7 @@ def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, mon
     }  # fmt: skip
     file = tmp_path / "mine.json"
     file.write_text(json.dumps({"solver": "mine", "answers": answers}))
-    words = ["--problems", str(FOLDER), "--first", "2", "--json"]
+    words = ["--problems", str(few), "--first", "2", "--json"]
     result = run("score", str(file), *words)
     assert result.exit_code == 0
     told = json.loads(result.stdout)["mine"]
@@ -129,9 +139,9 @@ def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, mon
         (["nowhere.json"], "nowhere.json"),
     ],
 )
-def test_what_cannot_be_scored_is_a_sentence(words, said):
+def test_what_cannot_be_scored_is_a_sentence(words, said, few):
     """With status 2."""
-    result = run("score", *words, *([] if "--problems" in words else ["--problems", str(FOLDER)]))
+    result = run("score", *words, *([] if "--problems" in words else ["--problems", str(few)]))
     assert result.exit_code == 2
     assert said in result.stderr
 
@@ -144,9 +154,9 @@ def test_newton_solves_the_set(problems):
     assert np.median([one.digits for one in found.outcomes]) > 10
 
 
-def test_a_score_is_of_the_level_and_number_that_are_asked_for():
+def test_a_score_is_of_the_level_and_number_that_are_asked_for(few):
     """And of the problems of a folder."""
-    result = run("score", "newton", "--problems", str(FOLDER), "--level", "lower", "--first", "1", "--json")
+    result = run("score", "newton", "--problems", str(few), "--level", "lower", "--first", "1", "--json")
     assert result.exit_code == 0
     told = json.loads(result.stdout)["newton"]
     assert told["lower"]["solved"] == 3

@@ -30,7 +30,7 @@ def test_every_answer_of_seecr_is_an_equilibrium(catalogue):
     """On the parallel layout either forces balance, or it raises; which of the two, rounding decides at some poses."""
     robot = catalogue["parallel"]
     answers = 0
-    for pose in paper_line(robot, 8)[[1, 2, 8, 10]]:  # in its left half, which the right one mirrors
+    for pose in paper_line(robot, 8)[[1, 10]]:  # in its left half, which the right one mirrors
         for method in ("fsolve", "least_squares"):
             try:
                 result = cdpr.solve(robot, pose, method=method)

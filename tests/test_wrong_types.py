@@ -137,6 +137,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
     asked, searched = dict(robot=robot, pose=pose), dict(within=0.01, generations=1, population=5)
     of_many, film = dict(robot=robot, positions=poses), dict(seconds=0.2, fps=10, size=(320, 240))
     moved, limits = dict(robot=robot, waypoints=poses, seconds=0.05), dict(tension_limits=(0, 10))
+    identified = cdpr.identify(robot, measurements)
     bar, model = cdpr.load_robot("two-cable"), mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, pose))
     given: dict[str, Mapping[str, object]] = {
         "cable_profiles": dict(equilibria=equilibria),
@@ -210,9 +211,9 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "Reference.poses": (reference, dict(times=0.5)),
         "Equilibria.nearest": (cdpr.find_equilibria(robot, pose, starts=1), dict(pose=pose)),
         "Front.thinned": (cdpr.find_front(robot, poses, within=0.01, generations=1, population=5), dict(most=2)),
-        "Identification.__getitem__": (cdpr.identify(robot, measurements), dict(name="axial_stiffness")),
-        "Identification.intervals": (cdpr.identify(robot, measurements), dict(coverage=0.9)),
-        "Identification.predict": (cdpr.identify(robot, measurements), dict(measurements=measurements)),
+        "Identification.__getitem__": (identified, dict(name="axial_stiffness")),
+        "Identification.intervals": (identified, dict(coverage=0.9)),
+        "Identification.predict": (identified, dict(measurements=measurements)),
         "Measurements.check_robot": (measurements, dict(robot=robot)),
         "Measurements.rows": (measurements, dict(chosen=[0])),
         "Measurements.with_errors": (measurements, dict(errors={"position": 1e-3})),
