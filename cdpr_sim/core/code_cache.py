@@ -33,7 +33,7 @@ from cdpr_sim.core.errors import StoreError
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/code_cache.py",
-    "core/compiling.py", "core/errors.py", "core/lanes.py", "core/status.py", "drawing/style.py",
+    "core/compiling.py", "core/errors.py", "core/lanes.py", "core/locks.py", "core/status.py", "drawing/style.py",
     "drawing/video/raycast.py", "proof/contraction_kernel.py", "proof/geometry_kernel.py", "proof/interval_kernel.py",
     "proof/krawczyk_kernel.py", "proof/search_kernel.py", "statics/any_cable.py", "statics/balance_kernel.py",
     "statics/cable_kernel.py", "statics/catenary.py", "statics/gufuncs.py", "statics/lanes_kernel.py",

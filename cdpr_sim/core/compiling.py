@@ -24,6 +24,7 @@ import numpy as np
 
 from cdpr_sim.core import code_cache
 from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.locks import holding
 
 FEW = 100
 """Elements that a kernel interprets, in each process: as many as a command or a first try evaluates. At two to four
@@ -50,8 +51,7 @@ _called_by_kernels: list[Callable[[], None]] = []
 _cut_off = False
 
 _threads = threading.RLock()
-"""Held by the thread that compiles or loads. Acquired by ``with`` only: between any other call and the next statement,
-Ctrl-C can leave a lock locked for ever."""
+"""Held by the thread that compiles or loads."""
 
 
 class Compiled:
@@ -81,10 +81,12 @@ class Compiled:
         """
         if self._compiled is None:
             import_numba()
-            with _threads:
-                if self._compiled is None:
-                    self._compiled = code_cache.fetch(_as_name(self._what), self._build, self._compile)
+            holding(_threads, self._fetch)
         return self._compiled
+
+    def _fetch(self) -> None:
+        if self._compiled is None:
+            self._compiled = code_cache.fetch(_as_name(self._what), self._build, self._compile)
 
     def _compile(self) -> Any:
         _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)

@@ -21,6 +21,7 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.locks import holding
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
@@ -490,7 +491,7 @@ def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
     return model
 
 
-_quiet_lock = threading.Lock()
+_quiet_lock = threading.RLock()
 _quiet_users: list[object] = []
 
 
@@ -500,14 +501,19 @@ def quiet() -> Iterator[None]:
 
     The handler belongs to the process: the first caller replaces it and the last one restores it.
     """
-    with _quiet_lock:
+
+    def begin() -> None:
         _quiet_users.append(mujoco.get_mju_user_warning() if not _quiet_users else None)
         mujoco.set_mju_user_warning(lambda message: None)
+
+    def end() -> None:
+        previous = _quiet_users[0]
+        _quiet_users.pop()
+        if not _quiet_users:
+            mujoco.set_mju_user_warning(previous)
+
+    holding(_quiet_lock, begin)
     try:
         yield
     finally:
-        with _quiet_lock:
-            previous = _quiet_users[0]
-            _quiet_users.pop()
-            if not _quiet_users:
-                mujoco.set_mju_user_warning(previous)
+        holding(_quiet_lock, end)
