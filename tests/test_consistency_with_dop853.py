@@ -35,7 +35,7 @@ BESIDE = np.array([0.002, 0.001, 0, 0, 0.002, 0.003])
 AT_ONCE = 1e3
 """[m/s] Of winches that move by millimetres within one step."""
 
-SWINGING, SETTING_OFF = 2.0, 0.01
+SWINGING, SETTING_OFF = 1.0, 0.01
 """[s] How long it swings, and within what time winches have moved."""
 
 KEPT = 1e-3
