@@ -13,8 +13,8 @@ from cdpr_sim.physics.mjcf import place
 STEP, DAMPING = 0.02, 1.5
 """Time step, in 1/omega of a pendulum as long as the cables, and its damping ratio."""
 
-RESTING = 2000
-"""Time steps at rest after each step of the path: 13 oscillations of that pendulum, overdamped."""
+RESTING = 700
+"""Time steps at rest after each step of the path: two oscillations of that pendulum, overdamped."""
 
 LEAST = 1e-14
 """[m] ``springyield`` of an element that holds nothing."""

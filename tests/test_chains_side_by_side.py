@@ -20,7 +20,7 @@ def stacked(name: str) -> cdpr.Problems:
     """Rows of one robot that settle in different ways: with and without a wrench, taut and with a slack cable."""
     robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4, **(WHEELS if name == "wheels" else {}))
     problems = []
-    for i, position in enumerate([(0.3, 0.25, 0.1), (0.5, 0.2, 0.15), (0.4, 0.3, 0.2), (0.35, 0.22, 0.12)]):
+    for i, position in {0: (0.3, 0.25, 0.1), 2: (0.5, 0.2, 0.15), 3: (0.35, 0.22, 0.12)}.items():
         lengths = robot.rest_lengths(position) * np.where(np.arange(8) == i, 1 + 0.02 * i, 1.0)
         problems.append(cdpr.Problem.of(robot, position, lengths, [0.1 * i, 0, 0, 0, 0, 0]))
     return cdpr.Problems.stack(problems)
@@ -48,14 +48,14 @@ def test_rows_are_the_same_with_any_others_beside_them(name, monkeypatch):
     settled = cdpr.settle_many(problems, threads=1)
     assert settled.converged.all()
     assert not differing(cdpr.settle_many(problems, threads=2), settled)
-    order = [2, 0, 3, 1]
+    order = [2, 0, 1]
     assert not differing(cdpr.settle_many(problems.take(np.array(order)), threads=1), settled, order)
     assert_near(cdpr.settle_many(problems.take(np.array([1])), threads=1), settled, [1])
     alone = cdpr.settle(problems[1])
     np.testing.assert_allclose(alone.position, settled.positions[1], rtol=0, atol=NEAR)
     assert alone.iterations == settled.iterations[1]
-    monkeypatch.setattr(settle_chains, "ROWS", 3)
-    assert_near(cdpr.settle_many(problems, threads=1), settled, [0, 1, 2, 3])
+    monkeypatch.setattr(settle_chains, "ROWS", 2)
+    assert_near(cdpr.settle_many(problems, threads=1), settled, [0, 1, 2])
 
 
 def test_rows_with_time_steps_in_common_take_others(monkeypatch):

@@ -32,11 +32,9 @@ CIRCLE = TrackingTask("parallel", "vectran-0.7mm", "circle", 0.05)
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Run, ...]:
-    return (
-        run(LINE, RIGID),
-        run(LINE, RIGID_FEEDBACK),
-        run(TrackingTask("parallel", "vectran-0.7mm", "line", 0.5), RIGID),
-    )
+    """Two runs, and the second one's motion as if it were of another task and scheme."""
+    rigid, feedback = run(LINE, RIGID), run(LINE, RIGID_FEEDBACK)
+    return rigid, feedback, dataclasses.replace(feedback, task=CIRCLE, scheme=RIGID)
 
 
 def test_tasks_are_all_combinations():

@@ -16,18 +16,18 @@ RATE, SECONDS = 50.0, 0.2
 TO = 1e-10
 """To which the reference is integrated, as a fraction and in SI units."""
 
-FINE = (1000.0, 2000.0)
+FINE = (500.0, 1000.0)
 """[Hz] Of the controller, and so of the steps, which are as long as its periods."""
 
 ORDER = 0.3
-"""By how much the order may differ from 2. Measured: 2.00 with taut cables, 2.12 and 2.20 where some go slack."""
+"""By how much the order may differ from 2. Measured: 2.01 with taut cables, 2.00 and 2.02 where some go slack."""
 
 NEAR = 1e-3
 """Error of position with the steps that ``track`` takes by itself, as a fraction of the way. Measured: 2e-4 at most."""
 
 LEADING = 0.03
 """Largest error at the first of ``FINE``, as a fraction of the error of a motion that is one step ahead of its winches.
-Measured: 0.003 and 0.007."""
+Measured: 0.006 and 0.014."""
 
 BESIDE = np.array([0.002, 0.001, 0, 0, 0.002, 0.003])
 """[m, rad] From where a platform is released, which then swings at up to 30 Hz."""
@@ -35,7 +35,7 @@ BESIDE = np.array([0.002, 0.001, 0, 0, 0.002, 0.003])
 AT_ONCE = 1e3
 """[m/s] Of winches that move by millimetres within one step."""
 
-SWINGING, SETTING_OFF = 2.0, 0.01
+SWINGING, SETTING_OFF = 1.0, 0.01
 """[s] How long it swings, and within what time winches have moved."""
 
 KEPT = 1e-3

@@ -65,10 +65,10 @@ def test_methods_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("name", PAPER_ROBOTS)
 def test_methods_agree_over_the_workspace(catalogue, name, material):
-    """At each of 1,000 poses and more the two agree, or differ only where the platform may turn freely."""
+    """At each of 300 poses and more the two agree, or differ only where the platform may turn freely."""
     robot = catalogue[name].replace(material=material)
-    positions = grid(robot, 1000)
-    assert len(positions) >= 1000
+    positions = grid(robot, 300)
+    assert len(positions) >= 300
     verdicts = verdicts_of(*methods(robot, positions))
     free = np.mean([verdict is Verdict.AGREE_EXCEPT_NEUTRAL for verdict in verdicts])
     assert free <= (MOST_FREE if name == "parallel" else 0)
@@ -82,7 +82,7 @@ def test_methods_agree_on_random_robots():
     """
     unpushed = []
 
-    @settings(max_examples=100, database=None)
+    @settings(max_examples=50, database=None)
     @given(random_problems())
     def verify_compensation(problem):
         settled = cdpr.settle(problem)
@@ -92,7 +92,7 @@ def test_methods_agree_on_random_robots():
             unpushed.append(agreement.agrees)
 
     verify_compensation()
-    assert len(unpushed) > 40
+    assert len(unpushed) > 20
     assert np.mean(unpushed) > 0.9
 
 

@@ -90,12 +90,12 @@ def test_elastic_lengths_between_compensated_poses():
 @pytest.mark.parametrize("inner", [RigidLengths, ElasticLengths])
 def test_pose_feedback_removes_a_constant_error_of_the_model(inner):
     """At the rate it is told: e falls by exp(−gain t); without it the error stays."""
-    robot, gain, seconds = cdpr.load_robot("cogiro"), 3.0, 4.0
+    robot, gain, seconds = cdpr.load_robot("cogiro"), 5.0, 1.8
     believed = wrong(robot)
-    without = cdpr.track(robot, [POSE], inner(believed), seconds=0.5)
+    without = cdpr.track(robot, [POSE], inner(believed), seconds=0.1)
     stays = np.linalg.norm(without.deviation, axis=1)
     assert stays.min() > 1e-3
-    motion = cdpr.track(robot, [POSE], PoseFeedback(inner(believed), gain=gain), seconds=seconds)
+    motion = cdpr.track(robot, [POSE], PoseFeedback(inner(believed), gain=gain), seconds=seconds, damping=0.2)
     errors = np.linalg.norm(motion.deviation, axis=1)
     assert errors[0] == pytest.approx(stays[0], rel=1e-6)
     expected = errors[0] * np.exp(-gain * seconds)
@@ -159,7 +159,7 @@ def test_force_control_leaves_what_no_tensions_can_carry():
     """Outside the parallel layout's feasible workspace it holds what is nearest, within limits, and misses the pose."""
     robot = cdpr.load_robot("parallel")
     pose = [0.25, 0.25, 0.1]
-    motion = cdpr.track(robot, [pose], HeldTensions(robot), seconds=1.0)
+    motion = cdpr.track(robot, [pose], HeldTensions(robot), seconds=0.5)
     lower = 0.01 * robot.weight
     assert motion.tensions[1:].min() == pytest.approx(lower, rel=1e-6)
     assert np.linalg.norm(motion.deviation[-1]) > 0.02

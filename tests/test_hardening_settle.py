@@ -53,8 +53,8 @@ def test_with_the_pace_of_the_weight_they_do_not(monkeypatch):
     monkeypatch.setattr(dynamic_relaxation, "READY", 0.0)
     monkeypatch.setattr(dynamic_relaxation, "STRAINED", np.inf)
     monkeypatch.setattr(dynamic_relaxation, "RATTLES", 10**9)
-    settled = cdpr.settle_many(pretensioned(1, 1e6))
-    assert not settled.converged[-3:].any()
+    settled = cdpr.settle_many(pretensioned(1, 1e6).take(np.array([-1])))
+    assert not settled.converged.any()
 
 
 def test_a_planar_robot_given_as_spatial_settles_from_a_right_angle():

@@ -33,10 +33,9 @@ def robot_with(name: str, kind: str) -> cdpr.Robot:
     return cdpr.load_robot(name).replace(axial_stiffness=SOFT, **KINDS[kind])
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_path_over_a_wheel_is_what_a_compass_draws(seed):
-    """Length and direction at 1,000 random wheels and anchors, by tangents to a circle; a point where the wheel is."""
-    rng, count = np.random.default_rng(seed), 1000
+def test_path_over_a_wheel_is_what_a_compass_draws():
+    """Length and direction at 500 random wheels and anchors, by tangents to a circle; a point where the wheel is."""
+    rng, count = np.random.default_rng(3), 500
     axes, radii = rng.normal(size=(count, 3)), 10 ** rng.uniform(-3, -1, count)
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     exits, anchors = rng.uniform(-1, 1, (2, count, 3))
@@ -45,7 +44,7 @@ def test_path_over_a_wheel_is_what_a_compass_draws(seed):
     directions = forces.geometry(robot, np.zeros(3), np.eye(3)).directions
     points = np.linalg.norm(anchors - exits, axis=1)
     seen = np.flatnonzero(np.isfinite(lengths))
-    assert len(seen) > 750
+    assert len(seen) > 375
     for i in seen:
         expected, direction = wheel_by_hand(exits[i], axes[i], radii[i], anchors[i])
         assert lengths[i] == pytest.approx(expected, rel=1e-12)
@@ -76,13 +75,13 @@ def test_law_is_the_polynomial_and_its_energy_the_integral(coefficients):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical"])
 def test_both_methods_agree(name, kind):
-    """40 poses of each robot: positions, lengths, tensions, slack cables and stiffness, and the verdict of compare."""
+    """15 poses of each robot: positions, lengths, tensions, slack cables and stiffness, and the verdict of compare."""
     robot = robot_with(name, kind)
-    positions = np.random.default_rng(1).uniform(*robot.workspace, (40, 3))
+    positions = np.random.default_rng(1).uniform(*robot.workspace, (15, 3))
     solved, settled = cdpr.solve_many(robot, positions), cdpr.settle_many(robot, positions)
     assert (solved.status == settled.status).all()
     rows = np.flatnonzero(solved.converged)
-    assert len(rows) >= 38  # the others lie under a wheel's footprint
+    assert len(rows) >= 13  # the others lie under a wheel's footprint
     assert np.abs(solved.positions - settled.positions)[rows].max() < 1e-9
     assert np.abs(solved.lengths - settled.lengths)[rows].max() < 1e-9
     assert np.abs(solved.tensions - settled.tensions)[rows].max() < 1e-6
@@ -92,9 +91,9 @@ def test_both_methods_agree(name, kind):
 
 
 def test_random_robots_balance_by_an_independent_hand():
-    """200 random robots, each cable with or without wheel and law: forces worked out another way add up to the load."""
+    """100 random robots, each cable with or without wheel and law: forces worked out another way add up to the load."""
     rng, balanced = np.random.default_rng(6), 0
-    for _ in range(200):
+    for _ in range(100):
         cables = int(rng.integers(3, 9))
         exits, anchors = rng.uniform([-1, -1, 0.6], [1, 1, 1.5], (cables, 3)), rng.uniform(-0.15, 0.15, (cables, 3))
         mass, stiffness = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(3, 6)
@@ -110,7 +109,7 @@ def test_random_robots_balance_by_an_independent_hand():
             continue  # an anchor under its wheel's footprint
         assert unbalanced_by_hand(found) < 1e-6 * robot.weight
         balanced += 1
-    assert balanced > 120
+    assert balanced > 60
 
 
 def unbalanced_by_hand(found: cdpr.Equilibrium) -> float:
@@ -286,7 +285,7 @@ def test_no_equilibrium_under_a_wheel_is_an_answer():
 def test_the_descent_passes_under_wheels_to_equilibria_beyond():
     """Robots on one to five cables: no search ends at the edge of a wheel's footprint, where no force balances."""
     rng, ended = np.random.default_rng(0), []
-    for _ in range(200):
+    for _ in range(100):
         cables = int(rng.integers(1, 6))
         robot = cdpr.Robot(
             rng.uniform([-1, -1, 0.9], [1, 1, 1.6], (cables, 3)), rng.uniform(-0.15, 0.15, (cables, 3)),
@@ -297,7 +296,7 @@ def test_the_descent_passes_under_wheels_to_equilibria_beyond():
         many = cdpr.solve_many(robot, rng.uniform([-0.6, -0.6, -0.2], [0.6, 0.6, 0.4])[None])
         ended.append(cdpr.Status(int(many.status[0])))
     assert set(ended) == {cdpr.Status.CONVERGED, cdpr.Status.OFF_WHEEL}
-    assert ended.count(cdpr.Status.CONVERGED) > 150
+    assert ended.count(cdpr.Status.CONVERGED) > 75
 
 
 @pytest.mark.parametrize("height", [-0.4, 0.3])
@@ -346,13 +345,12 @@ DEMOBOT = ("cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-ca
 def test_methods_agree_on_heavy_cables(name):
     """12 poses each, slack cables among them: DemoBot with 0.5 g/m to 1e-8 m and 1e-7 rad, so the crane of 15 m."""
     robot = crane() if name == "crane" else cdpr.load_robot(name).replace(linear_density=5e-4)
-    for position in np.random.default_rng(3).uniform(*robot.workspace, (12, 3)):
-        problem = cdpr.Problem.of(robot, position)
-        solved, settled = cdpr.solve(problem), cdpr.settle(problem)
-        assert np.linalg.norm(solved.position - settled.position) < 1e-8
-        assert (solved.rotation * settled.rotation.inv()).magnitude() < 1e-7
-        assert np.abs(solved.tensions - settled.tensions).max() < 1e-6
-        assert (solved.slack == settled.slack).all()
+    problems = cdpr.Problems.of(robot, np.random.default_rng(3).uniform(*robot.workspace, (12, 3)))
+    solved, settled = cdpr.solve_many(problems), cdpr.settle_many(problems)
+    assert np.linalg.norm(solved.positions - settled.positions, axis=1).max() < 1e-8
+    assert (solved.poses.rotation * settled.poses.rotation.inv()).magnitude().max() < 1e-7
+    assert np.abs(solved.tensions - settled.tensions).max() < 1e-6
+    assert (solved.slack == settled.slack).all()
 
 
 def heavy_problem(seed: int) -> cdpr.Problem:
