@@ -37,9 +37,11 @@ proportion to the time step."""
 EVERY = {**MIXED, **DRIVE_LINES}
 LINE = [(1.0, 1.0, 2.0), (0.5, 0.6, 1.8)]
 
+FROM_BELOW = {**LIGHT, "pulley_axis": UP, "stiffening": LAW}
+
 WOUND = {
     "crane of all kinds": ("cogiro-crane", EVERY, LINE[0], (0.2, 0.3, 1.5), 2.0, 10.0),
-    "cogiro": ("cogiro", {**LIGHT, "pulley_axis": UP, "stiffening": LAW}, (0.3, 0.2, 0.15), (0.325, 0.21, 0.16), 1.0, 0.5),
+    "cogiro": ("cogiro", FROM_BELOW, (0.3, 0.2, 0.15), (0.325, 0.21, 0.16), 1.0, 0.5),
 }
 
 

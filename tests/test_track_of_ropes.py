@@ -118,9 +118,7 @@ def test_slow_motions_end_where_the_path_ends():
         ends.append(motion.positions[-1])
     slowest = (4 * ends[1] - ends[0]) / 3
     way = [swung(0.308, 1.0)(time) for time in np.linspace(0, 1, 31)]
-    true, *others = (
-        cdpr.solve_path(robot.replace(**one), way).positions[-1] for one in ({}, wider, rougher)
-    )
+    true, *others = (cdpr.solve_path(robot.replace(**one), way).positions[-1] for one in ({}, wider, rougher))
     off = np.linalg.norm(slowest - true)
     assert off < SLOW * np.linalg.norm(ends[0] - true)
     assert min(np.linalg.norm(slowest - other) for other in others) > 1.5 * off

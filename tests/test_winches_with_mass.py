@@ -34,7 +34,8 @@ STILL = 0.1
 """[m/s²] Of masses of grams to 0.2 kg in cables of hundreds of newtons, where a millimetre is 16 m/s²."""
 
 STEPS = 4000
-"""Of 2 ms, in which the platform comes to rest within 2e-9 m; after a reset, which puts it where it rests, in a quarter."""
+"""Of 2 ms, in which the platform comes to rest within 2e-9 m; after a reset, which puts it where it rests, in a
+quarter."""
 
 
 def model_of(robot: cdpr.Robot, **options) -> tuple[mujoco.MjModel, mujoco.MjData]:
