@@ -114,18 +114,19 @@ def _keys_without_closures() -> Iterator[None]:
     """Numba's keys are signature and processor within the block, in this thread; the folder stands for the function."""
     from numba.core import caching
 
-    here, whole_key = threading.get_ident(), caching.Cache._index_key
+    cache_class: Any = caching.Cache
+    here, whole_key = threading.get_ident(), cache_class._index_key
 
     def index_key(cache: Any, signature: Any, codegen: Any) -> tuple:
         if threading.get_ident() != here:
             return whole_key(cache, signature, codegen)
         return signature, codegen.magic_tuple()
 
-    caching.Cache._index_key = index_key
+    cache_class._index_key = index_key
     try:
         yield
     finally:
-        caching.Cache._index_key = whole_key
+        cache_class._index_key = whole_key
 
 
 @contextmanager
