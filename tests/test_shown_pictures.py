@@ -1,6 +1,7 @@
 """What a picture says is what was computed: numbers, bars and outlines of videos, against states that are made up."""
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 from typing import NamedTuple
 from unittest.mock import Mock
@@ -54,6 +55,28 @@ def a_frame(of: frame_layout.Page, tensions, slack) -> np.ndarray:
     views = [np.zeros((box.height, box.width, 3), np.uint8) for box in (cell.view, cell.close_up)]
     deviation = np.array([3e-3, 4e-3, -12.3e-3])
     return of.frame(views[:1], views[1:], [np.radians(26.0)], [deviation], [np.asarray(tensions)], [np.asarray(slack)])
+
+
+@pytest.mark.parametrize("size", [(640, 360), (480, 640)], ids=["numbers beside", "numbers below"])
+@pytest.mark.parametrize("robots", [1, 2])
+def test_areas_of_a_frame_have_their_places(size, robots):
+    """Heading above the view, which is the largest; the others beside or below it; none overlaps another."""
+    robot = cdpr.load_robot("parallel")
+    page = frame_layout.Page(
+        size, [robot] * robots, [["caption"]] * robots, largest_tension=2.0, footnote="footnote", outlined=True
+    )
+    every = []
+    for cell in page.cells:
+        view, others = cell.view, [cell.heading, cell.close_up, cell.numbers, cell.bars]
+        assert view.width * view.height > max(one.width * one.height for one in others)
+        assert cell.heading.bottom <= min(one.top for one in (view, *others[1:]))
+        assert all(one.left >= view.right or one.top >= view.bottom for one in others[1:])
+        assert cell.close_up.top <= cell.numbers.top <= cell.bars.top
+        assert cell.close_up.left <= cell.numbers.left <= cell.bars.left
+        every += [view, *others]
+    for one, other in itertools.combinations(every, 2):
+        assert one.right <= other.left or other.right <= one.left or one.bottom <= other.top or other.bottom <= one.top
+    assert all(one.left >= 0 and one.right <= size[0] and one.top >= 0 and one.bottom <= size[1] for one in every)
 
 
 def test_a_frames_numbers_are_the_states(written):
