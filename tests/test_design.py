@@ -265,6 +265,16 @@ def test_both_layouts_are_driven_side_by_side(better):
         assert motion.problems.positions[[0, -1]] == pytest.approx(np.array(LINE)[[0, -1]], abs=1e-9)
 
 
+def test_a_seed_repeats_a_front(parallel):
+    """Of the first layouts and of all that the search makes of them."""
+
+    def scores(seed: int) -> np.ndarray:
+        return cdpr.find_front(parallel, LINE, within=0.1, generations=4, population=6, seed=seed).scores
+
+    assert np.array_equal(scores(1), scores(1))
+    assert not np.array_equal(scores(1), scores(2))
+
+
 def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     """The same layout from the same seed; interrupted and gone on with, the same as in one run."""
     store = tmp_path / "search.npz"
