@@ -1,8 +1,11 @@
 """No equilibrium is missing: against searches from many starts, and by attacks on every test that excludes a box."""
 
 import dataclasses
+import inspect
 import time
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
 import numba
 import numpy as np
@@ -352,6 +355,29 @@ def test_a_planar_search_in_pieces_is_the_search_in_one(monkeypatch, lists):
     again = cdpr.certify_all(CASES["horizontal"], threads=2)
     assert again.complete
     assert [one.index for one in again] == [one.index for one in lists["horizontal"]]
+
+
+def test_a_resumed_search_keeps_what_it_found(monkeypatch, lists, tmp_path):
+    """Stopped again and again, it ends with the same equilibria."""
+    monkeypatch.setattr(complete, "CALL", 100)
+    rounds = 1
+    while not (found := cdpr.certify_all(CASES["horizontal"], time_limit=1e-9, store=tmp_path / "search.npz")).complete:
+        rounds += 1
+    assert rounds > 3
+    assert [one.index for one in found] == [one.index for one in lists["horizontal"]]
+
+
+def test_a_cluster_that_an_equilibrium_covers_in_part_is_undecided(monkeypatch):
+    """Elsewhere in it there may be others."""
+    cluster = np.array([[[0.0, 1.0]] * 6, [[1.0, 2.0]] * 6])
+    search: Any = SimpleNamespace(setups=[SimpleNamespace(scales=np.ones((6, 1)), least=1.0)])
+    monkeypatch.setattr(complete, "_near", lambda *_: "member")
+    monkeypatch.setattr(complete, "_at_kink", lambda *_: False)
+    for covered, undecided in ((2.0, 0), (1.0, 1)):
+        monkeypatch.setattr(complete, "_in_balls", lambda _, chart, box, most=covered: box.max() <= most)
+        members: list[Any] = []
+        assert len(inspect.unwrap(complete._covered)(search, 0, cluster, members)) == undecided
+        assert members == ["member"] * (1 - undecided)
 
 
 @pytest.mark.parametrize(
