@@ -1,15 +1,21 @@
 """Mutation testing: insert faults drawn at random, one at a time, and count how many the tests detect.
 
     python scripts/mutate.py [FOLDER ...] [--tests FILE ...] [--count COUNT] [--seed SEED] [--jobs JOBS] [--markdown]
+    python scripts/mutate.py [FOLDER ...] --without FILE [FILE ...] [--count COUNT] [--seed SEED] [--markdown]
 
-Faults are of five kinds, as many of each: an operator or a number is changed, two arguments are exchanged or one is
-left out, two returned fields are exchanged, or a default is changed. They are drawn from all files of the folders of
-cdpr_sim (by default all folders), and any test may detect them, or any test of the given files.
+Faults are of five kinds: an operator or a number is changed, two arguments are exchanged or one is left out, two
+returned fields are exchanged, or a default is changed. They are drawn by lines: a line of the folders of cdpr_sim (by
+default all folders), then a fault of that line. Any test may detect them, or any test of the given files.
 
-First these tests run once, and the functions that each test executes are recorded; the record is used again
+With ``--without``, the question is whether some files of tests are needed: for each of them, the first COUNT faults of
+the draw in functions that the file's tests execute, how many the tests of all files detect, and how many those of the
+other files alone.
+
+First the tests run once, and the functions that each test executes are recorded; the record is used again
 as long as no file changes. Then the tests are collected once, and for each fault the process is forked, the changed
-function gets its new code, and the tests that execute it run, the fastest first, until one fails. Code that runs during
-imports and code that Numba compiles is tested in a process that imports everything again.
+function gets its new code, and the tests that execute it run, the fastest first, until one fails. Where Numba compiles
+the function, the forks interpret all kernels, and a failure counts only if the same test passes without the fault in a
+fork that also interprets them. Code that runs during imports is tested in a process that imports everything again.
 
 The script is not part of the tests: a fault takes seconds, the record as long as the test suite takes, twice.
 """
@@ -49,6 +55,9 @@ ROOT = Path(__file__).parents[1]
 RECORD = "CDPR_SIM_EXECUTED"
 """Names the file that pytest writes the executed functions of each test to, if this module is its plugin."""
 
+DETECTED, ONLY_LEFT_OUT, SURVIVED = "detected", "detected by the files left out alone", "survived"
+"""Outcomes."""
+
 PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "matplotlib.figure", "xarray"]
 PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
 """Modules that take long to import, except plugins of pytest."""
@@ -61,6 +70,9 @@ PATIENCE = 5
 
 LONGEST = 900
 """Seconds for the tests of one fault in a new process; the fastest tests run first."""
+
+INTERPRETED = 150
+"""Seconds for the tests of one fault in a kernel. Tests that evaluate thousands of poses do not end in this time."""
 
 OTHER = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
@@ -86,10 +98,20 @@ class Fault(NamedTuple):
         text = path.read_text(encoding="utf-8")
         return path, text, text[: self.place] + self.wrong + text[self.place + len(self.right) :]
 
+    @property
+    def line(self) -> int:
+        """Number of the line."""
+        return _text(ROOT / "cdpr_sim" / self.file)[: self.place].count("\n") + 1
+
     def __str__(self) -> str:
-        line = self.texts(ROOT)[1][: self.place].count("\n") + 1
         right, wrong = (" ".join(code.split()) for code in (self.right, self.wrong))
-        return f"{self.kind}: {self.file}, line {line}: `{right}` put as `{wrong}`"
+        return f"{self.kind}: {self.file}, line {self.line}: `{right}` put as `{wrong}`"
+
+
+_text = functools.cache(functools.partial(Path.read_text, encoding="utf-8"))
+
+Changes = list[tuple[str, CodeType, CodeType]]
+"""File, right and wrong code of functions."""
 
 
 # The faults of a file
@@ -192,17 +214,50 @@ def drawn(file: str) -> list[Fault]:
     return found
 
 
-def sample(folders: list[str], count: int, seed: int) -> list[Fault]:
-    """Faults drawn from the files of the folders, as many of each kind."""
+def sample(folders: list[str], seed: int) -> Iterator[Fault]:
+    """Faults in the order of the draw: one of each line that has any, the lines in random order."""
     files = [path.relative_to(ROOT / "cdpr_sim") for path in sorted((ROOT / "cdpr_sim").rglob("*.py"))]
-    by_kind: defaultdict[str, list[Fault]] = defaultdict(list)
+    by_line: defaultdict[tuple[str, int], list[Fault]] = defaultdict(list)
     for file in files:
         if not folders or file.parts[0] in folders:
             for fault in drawn(file.as_posix()):
-                by_kind[fault.kind].append(fault)
+                by_line[fault.file, fault.line].append(fault)
     draw = random.Random(seed)
-    piles = [draw.sample(some, len(some)) for _, some in sorted(by_kind.items())]
-    return [pile[k] for k in range(max(map(len, piles), default=0)) for pile in piles if k < len(pile)][:count]
+    for line in draw.sample(sorted(by_line), len(by_line)):
+        yield draw.choice(by_line[line])
+
+
+def covered_by(tests: list[str], faults: Iterator[Fault], record: "Record", count: int) -> dict[str, list[Fault]]:
+    """The first ``count`` faults in functions that each file's tests execute."""
+    found: dict[str, list[Fault]] = {file: [] for file in tests}
+    for fault in faults:
+        missing = [file for file in tests if len(found[file]) < count]
+        if not missing:
+            break
+        changed = _changed(*fault.texts(ROOT))
+        if changed:
+            by = {one.partition("::")[0] for one in record.of(names_of(fault, changed))}
+            for file in by.intersection(missing):
+                found[file].append(fault)
+    return found
+
+
+def tests_of(fault: Fault, changed: "Changes", record: "Record") -> list[str]:
+    """The tests that execute the changed functions, the fastest first.
+
+    The record lacks functions that only compiled code called: then also the tests that execute another function of the
+    file, and those that execute any kernel.
+    """
+    some = record.of(names_of(fault, changed))
+    if fault.file in _compiled():
+        some += record.of({fault.file})
+        some += record.of({f"core/compiling.py:{name}" for name in ("Kernel.__call__", "Compiled.compiled")})
+    return list(dict.fromkeys(some))
+
+
+def names_of(fault: Fault, changed: "Changes") -> set[str]:
+    """Names of the changed functions in the record."""
+    return {f"{fault.file}:{old.co_qualname}" for _, old, _ in changed}
 
 
 # In pytest's process: which functions each test executes
@@ -300,22 +355,42 @@ def recorded(tree: Path, digest: str, tests: list[str], jobs: int) -> Record:
 class Loop:
     """A plugin of pytest: run the tests of one fault after another, each in a fork."""
 
-    def __init__(self, tree: Path, faults: list[Fault], record: Record, answers: Any) -> None:
-        self.tree, self.faults, self.record, self.answers = tree, faults, record, answers
+    def __init__(self, tree: Path, faults: list[Fault], record: Record, left_out: list[str], answers: Any) -> None:
+        self.tree, self.faults, self.record, self.left_out, self.answers = tree, faults, record, left_out, answers
 
     def pytest_runtestloop(self, session: Any) -> bool:
-        """Send to the parent process whether each fault survives; None if this process cannot decide it."""
+        """Send the outcome of each fault to the parent process; None if this process cannot decide it."""
         items = {item.nodeid: item for item in session.items}
         for fault in self.faults:
             changed = _changed(*fault.texts(self.tree))
             if changed is None:
                 self.answers.put(None)
                 continue
-            some = self.record.of({f"{fault.file}:{old.co_qualname}" for _, old, _ in changed})
-            files = {one.partition("::")[0] for one in some}
-            seconds = 30 + int(PATIENCE * sum(self.record.seconds.get(one, 0.0) for one in files.union(some)))
-            chosen = [items[one] for one in some if one in items]
-            self.answers.put(not chosen or _forked(session, chosen, functools.partial(_patch, changed), seconds))
+            some = [one for one in tests_of(fault, changed, self.record) if one in items]
+            few = [one for one in some if one.partition("::")[0] in self.left_out]
+            outcome = SURVIVED
+            for tests, detected in ([one for one in some if one not in few], DETECTED), (few, ONLY_LEFT_OUT):
+                if tests and not self._pass(session, [items[one] for one in tests], fault, changed):
+                    outcome = detected
+                    break
+            self.answers.put(outcome)
+        return True
+
+    def _pass(self, session: Any, tests: list, fault: Fault, changed: Changes) -> bool:
+        if fault.file not in _compiled():
+            files = {item.nodeid.partition("::")[0] for item in tests}
+            names = files.union(item.nodeid for item in tests)
+            seconds = 30 + int(PATIENCE * sum(self.record.seconds.get(one, 0.0) for one in names))
+            return _forked(session, tests, functools.partial(_patch, changed), seconds)
+        begin = time.monotonic()
+        for test in tests:
+            left = int(INTERPRETED - (time.monotonic() - begin))
+            if left < 1:
+                break
+            seconds = min(left, 15)
+            wrong = _forked(session, [test], functools.partial(_patch_interpreted, changed), seconds)
+            if not wrong and _forked(session, [test], functools.partial(_patch_interpreted, []), 2 * seconds):
+                return False
         return True
 
 
@@ -331,6 +406,8 @@ def _forked(session: Any, items: list, prepare: Callable[[], None], seconds: int
 
     status = 2
     try:
+        os.setpgid(0, 0)  # its processes end with it
+        signal.signal(signal.SIGALRM, lambda *_: os.killpg(0, signal.SIGKILL))
         signal.alarm(seconds)
         session.items = items
         prepare()
@@ -363,19 +440,38 @@ def _compiled() -> set[str]:
     return set(code_cache.SOURCES)
 
 
-def _changed(path: Path, right: str, wrong: str) -> list[tuple[str, CodeType, CodeType]] | None:
-    """Functions that differ in the second text; None if code outside of functions or compiled code differs."""
+def _changed(path: Path, right: str, wrong: str) -> Changes | None:
+    """Functions that differ in the second text; None if code outside of functions differs."""
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
-    if _rest(before) != _rest(after) or names[0] != names[1] or path.as_posix().split("/cdpr_sim/")[-1] in _compiled():
+    if _rest(before) != _rest(after) or names[0] != names[1]:
         return None
     return [
         (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
     ]
 
 
-def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
+def _patch_interpreted(changed: Changes) -> None:
+    """The same, and Python interprets what Numba would compile."""
+    from cdpr_sim.core.compiling import Compiled, Kernel
+
+    def interpreted(kernel: Any, *inputs: Any) -> Any:
+        arrays = [numpy.asarray(one) for one in inputs]
+        loops = [one.shape[: one.ndim - own] for one, own in zip(arrays, kernel.axes, strict=True)]
+        return kernel._interpreted(numpy.broadcast_shapes(*loops), *inputs)
+
+    numpy = importlib.import_module("numpy")
+    vars_of = {Kernel: {"__call__": interpreted, "compiled_for_all": interpreted}}
+    vars_of[Compiled] = {"compiled": property(lambda one: one if isinstance(one, Kernel) else one._function)}
+    for kind, some in vars_of.items():
+        for name, value in some.items():
+            setattr(kind, name, value)
+    if changed:
+        _patch(changed)
+
+
+def _patch(changed: Changes) -> None:
     """Replace the code of functions in all places that refer to them; import modules that are not imported yet."""
     for path, *_ in changed:
         importlib.import_module(".".join(Path(path).relative_to(Path.cwd()).with_suffix("").parts))
@@ -409,27 +505,36 @@ def run_tests(tree: Path, tests: list[str], loop: tuple | None) -> None:
 # In the process that counts the faults
 
 
-def outcomes(tree: Path, faults: list[Fault], record: Record) -> Iterator[tuple[Fault, bool]]:
-    """Return whether each fault survives."""
+def outcomes(
+    tree: Path, faults: list[Fault], record: Record, left_out: list[str], jobs: int
+) -> Iterator[tuple[Fault, str]]:
+    """Each fault and its outcome; of code that runs during imports last."""
     context = multiprocessing.get_context("forkserver")
-    answers = context.SimpleQueue()
     files = sorted({one.partition("::")[0] for one in record.seconds})
-    process = context.Process(target=run_tests, args=(tree, files, (faults, record, answers)))
-    process.start()
-    again = []
-    for fault in faults:
-        while answers.empty():
-            if not process.is_alive() and answers.empty():
-                raise RuntimeError(f"pytest ended too early:\n{(tree / f'output-{process.pid}').read_text()[-2000:]}")
-            time.sleep(0.05)
-        alive = answers.get()
-        if alive is None:
-            again.append(fault)
-        else:
-            yield fault, alive
-    process.join()
+    running, again = [], []
+    for part in (faults[k::jobs] for k in range(jobs)):
+        answers = context.SimpleQueue()
+        process = context.Process(target=run_tests, args=(tree, files, (part, record, left_out, answers)))
+        process.start()
+        running.append((process, answers, iter(part)))
+    while running:
+        time.sleep(0.05)
+        for one in [*running]:
+            process, answers, part = one
+            ended = not process.is_alive()
+            while not answers.empty():
+                fault, outcome = next(part), answers.get()
+                if outcome is None:
+                    again.append(fault)
+                else:
+                    yield fault, outcome
+            if ended:
+                running.remove(one)
+                if next(part, None) is not None:
+                    output = (tree / f"output-{process.pid}").read_text()
+                    raise RuntimeError(f"pytest ended too early:\n{output[-2000:]}")
     for fault in again:
-        yield fault, survives(tree, fault, record)
+        yield fault, SURVIVED if survives(tree, fault, record) else DETECTED
 
 
 def survives(tree: Path, fault: Fault, record: Record) -> bool:
@@ -478,47 +583,68 @@ def main() -> int:
     folders = sorted(path.name for path in (ROOT / "cdpr_sim").iterdir() if (path / "__init__.py").exists())
     parser.add_argument("folders", nargs="*", choices=[*folders, []], metavar="FOLDER", help=", ".join(folders))
     parser.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="files of tests, by default all")
-    parser.add_argument("--count", type=int, default=100, help="number of faults, 100 by default")
+    parser.add_argument("--without", nargs="+", default=[], metavar="FILE", help="files of tests: are they needed?")
+    parser.add_argument("--count", type=int, help="number of faults: 100 by default, of each file without 40")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that record the tests")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that run tests")
     parser.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
     options = parser.parse_args()
-    faults = sample(options.folders, options.count, options.seed)
     tree, digest = copied_tree()
     record = recorded(tree, digest, options.tests, options.jobs)
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
-    counts: defaultdict[str, Counter] = defaultdict(Counter)
-    survivors, begin = [], time.monotonic()
-    for number, (fault, alive) in enumerate(outcomes(tree, faults, record), 1):
-        for key in (fault.kind, "all"):
-            counts[key]["survived" if alive else "detected"] += 1
-        if alive:
-            survivors.append(fault)
-            print(f"survived: {fault}", flush=True)
-        if number % 10 == 0:
-            print(f"{number} of {len(faults)}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
-    rows: list[tuple[str, ...]] = [("kind", "faults", "detected", "survived", "% detected")]
-    for name in [*sorted(counts.keys() - {"all"}), "all"]:
-        count = counts[name]
-        rate = 100 * count["detected"] / max(count.total(), 1)
-        rows.append((name, str(count.total()), str(count["detected"]), str(count["survived"]), f"{rate:.0f}"))
+    draw = sample(options.folders, options.seed)
+    covered: dict[str, list[Fault]] = {}
+    if options.without:
+        covered = covered_by(options.without, draw, record, options.count or 40)
+        faults = list(dict.fromkeys(itertools.chain.from_iterable(covered.values())))
+    else:
+        faults = list(itertools.islice(draw, options.count or 100))
+    found, begin = {}, time.monotonic()
+    for fault, outcome in outcomes(tree, faults, record, options.without, options.jobs):
+        found[fault] = outcome
+        if outcome != DETECTED:
+            print(f"{outcome}: {fault}", flush=True)
+        if len(found) % 10 == 0:
+            print(f"{len(found)} of {len(faults)}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
+    rows = table_of_files(covered, found) if options.without else table_of_kinds(found)
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
     if options.markdown:
-        commit = subprocess.run(
-            ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
-        ).stdout
         print(f"{datetime.date.today()}, commit {commit.strip()}, --seed {options.seed}:\n")
-        for row in (rows[0], ("---", *["---:"] * 4), *rows[1:]):
+        for row in (rows[0], ("---", *["---:"] * (len(rows[0]) - 1)), *rows[1:]):
             print(f"| {' | '.join(row)} |")
-        print("\n| survived | judged |\n|---|---|")
-        for fault in survivors:
-            words = str(fault).replace("|", "\\|")
-            print(f"| {words} | |")
+        print("\n| not detected | judged |\n|---|---|")
+        for fault, outcome in found.items():
+            if outcome != DETECTED:
+                words = str(fault).replace("|", "\\|")
+                print(f"| {words} | {'' if outcome == SURVIVED else outcome} |")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:
             table.add_row(*row)
         Console().print(table)
     return 0
+
+
+def table_of_kinds(found: dict[Fault, str]) -> list[tuple[str, ...]]:
+    """Rows: how many faults of each kind were detected."""
+    rows = [("kind", "faults", "detected", "survived", "% detected")]
+    for kind in [*sorted({fault.kind for fault in found}), "all"]:
+        some = [outcome for fault, outcome in found.items() if kind in (fault.kind, "all")]
+        detected = some.count(DETECTED)
+        rate = 100 * detected / max(len(some), 1)
+        rows.append((kind, str(len(some)), str(detected), str(len(some) - detected), f"{rate:.0f}"))
+    return rows
+
+
+def table_of_files(covered: dict[str, list[Fault]], found: dict[Fault, str]) -> list[tuple[str, ...]]:
+    """Rows: how many faults are detected with and without the files."""
+    rows = [("file", "lines", "faults", "detected with", "detected without")]
+    for file, faults in covered.items():
+        lines = len((ROOT / file).read_text(encoding="utf-8").splitlines())
+        counts = Counter(found[fault] for fault in faults)
+        alone = counts[DETECTED]
+        rows.append((file, str(lines), str(len(faults)), str(alone + counts[ONLY_LEFT_OUT]), str(alone)))
+    return rows
 
 
 if __name__ == "__main__":
