@@ -144,8 +144,9 @@ def sweep(
             ``crosscheck.settled_quantities``. The status is always included.
         chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
-        store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
-            there, slab by slab as it is used.
+        store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed, and of which all chunks are
+            checked and lost or corrupt ones computed again; the result is then read from there, slab by slab as it is
+            used.
         progress: show a progress bar on standard error.
 
     Returns:
@@ -158,6 +159,9 @@ def sweep(
         InvalidInput: an invalid grid, pose, name, limit or store, or a store for poses.
         UnknownName: no such robot, material or quantity.
         StoreError: the store cannot be written; its content is kept.
+
+    Warns:
+        StoreRepaired: something in the store was lost or corrupt, and was computed again.
     """
     extras.require("sweep", "sweep")
     import xarray as xr
