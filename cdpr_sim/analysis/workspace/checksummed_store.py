@@ -45,7 +45,7 @@ def is_intact(folder: Path, chunk: bytes) -> bool:
     try:
         description = json.loads((folder / ".zarray").read_text(encoding="utf-8"))
         if description["compressor"]:  # which checks the checksum
-            chunk = get_codec(description["compressor"]).decode(chunk)
+            chunk = bytes(get_codec(description["compressor"]).decode(chunk) or b"")
         size = math.prod(description["chunks"]) * np.dtype(description["dtype"]).itemsize
     except Exception:  # each codec has its own
         return False
