@@ -103,6 +103,7 @@ class LayoutEvaluator:
             UnknownName: no such variable part, objective or constraint.
         """
         refuse_unless(Robot, robot=robot)
+        robot.cabling.refuse_memory()
         refuse_unless(FLAG, progress=progress)
         checked_threads(threads)
         moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")

@@ -138,7 +138,8 @@ def sweep(
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "capacity_margin", which is zero
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default, without "eigenvalues" and "frequency"
+            if cables of a robot have a memory; or "capacity_margin", which is zero
             on the border of the feasible workspace, between the poses of the grid; or "settled", which settles every
             pose in MuJoCo and compares it with statics as ``check`` does, in the variables of
             ``crosscheck.settled_quantities``. The status is always included.
@@ -174,7 +175,7 @@ def sweep(
         raise InvalidInput("poses: found them with a store or without compute, expected a grid for those")
     axes = as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
     stiffnesses = axial_stiffnesses(group, materials)
-    names = _checked_quantities(quantities)
+    names = _checked_quantities(quantities, group)
     most = max(group, key=lambda robot: robot.cables)
     if "slack_set" in names and most.cables > MOST_BITS:
         raise InvalidInput(
@@ -319,12 +320,21 @@ def axial_stiffnesses(
     return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
 
 
-def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
+def default_quantities(robots: Sequence[Robot]) -> list[str]:
+    """``DEFAULT``; if cables of a robot have a memory, those without stiffness, which they do not have."""
+    remember = any(robot.cabling.has_memory.any() for robot in robots)
+    return [name for name in DEFAULT if not (remember and name in _MODES)]
+
+
+def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot]) -> list[str]:
     if quantities is None:
-        return list(DEFAULT)
+        return default_quantities(robots)
     known = [*DEFAULT, "capacity_margin", "settled"]
     for name in listed("quantities", quantities, "a list of names"):
         one_of("quantity", name, known)
+    if _MODES & set(quantities):
+        for robot in robots:
+            robot.cabling.refuse_memory()
     return [name for name in known if name in quantities or name == "status"]
 
 
