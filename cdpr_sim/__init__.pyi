@@ -47,6 +47,7 @@ from .core.errors import InvalidInput as InvalidInput
 from .core.errors import MissingExtra as MissingExtra
 from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
+from .core.errors import StoreRepaired as StoreRepaired
 from .core.errors import UnknownName as UnknownName
 from .core.materials import MATERIALS as MATERIALS
 from .core.materials import ROPES as ROPES

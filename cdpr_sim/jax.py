@@ -105,6 +105,7 @@ def solve(
         MissingExtra: JAX is not installed.
     """
     refuse_unless(Robot, robot=robot)
+    robot.cabling.refuse_memory()
     if not jax.config.read("jax_enable_x64"):
         raise InvalidInput(
             "jax_enable_x64: found JAX in single precision, in which rounding of a rest length changes a stiff cable's "

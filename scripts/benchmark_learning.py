@@ -14,7 +14,6 @@ import gymnasium
 import mujoco
 import numpy as np
 
-from cdpr_sim.learning import register
 from cdpr_sim.learning.tasks import LEVEL, NEAR, Task
 from cdpr_sim.physics.drive import FALLEN
 
@@ -91,7 +90,6 @@ def vectorised(robot: str, actions: np.ndarray, threads: int) -> float:
 
 
 def main() -> None:
-    register()
     print(f"{'steps per second':18}{'by hand':>10}{'environment':>13}{'ratio':>8}{'64, 1 thread':>14}{'2 threads':>11}")
     for robot in ROBOTS:
         cables = Task(robot).robot.cables

@@ -14,6 +14,7 @@ import argparse
 import time
 from contextlib import suppress
 
+import gymnasium
 import numpy as np
 import stable_baselines3
 import torch
@@ -21,13 +22,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.extras import require
-from cdpr_sim.learning import register
 from cdpr_sim.learning.controllers import run
 from cdpr_sim.learning.tasks import Task
-
-require("gym", "training")
-import gymnasium  # noqa: E402
 
 SIMULATIONS = 32
 EPISODES = 20  # of the score
@@ -165,7 +161,6 @@ def main() -> None:
     arguments.add_argument("--steps", type=int, default=10**9, help="end the training after so many, if it is sooner")
     arguments.add_argument("--policy-only", action="store_true", help="without the controllers")
     given = arguments.parse_args()
-    register()
     print(f"{'':24}{'RMS [mm]':>10}{'reward':>10}{'falls':>8}   of {EPISODES} episodes")
     robot = cdpr.load_robot(SETTINGS["robot"])
     controllers = {

@@ -292,6 +292,11 @@ def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     (tmp_path / "no.npz").write_text("not a store")
     with pytest.raises(cdpr.InvalidInput, match="is not the store of a search"):
         cdpr.find_layout(parallel, LINE, within=0.2, store=tmp_path / "no.npz")
+    content = bytearray(store.read_bytes())
+    content[content.index(b"PK\x01\x02") + 10] ^= 64  # in the first entry of a zip file's directory: its compression
+    store.write_bytes(content)
+    with pytest.raises(cdpr.InvalidInput, match="or a damaged one"):
+        cdpr.find_layout(parallel, LINE, within=0.1, store=store)
 
 
 def test_ctrl_c_keeps_the_best_so_far(parallel, monkeypatch):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import itertools
 import json
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,9 @@ import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim import cli
 from cdpr_sim.cli import app
+from cdpr_sim.core import compiling
 from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.studies import robot_summary
 
@@ -270,12 +273,12 @@ REMEMBERING = ROBOTS["plain"].replace(
 
 KNOWS_MEMORY = (
     "solve", "solve_many", "settle, compare", "settle_many", "track", "track(tensions)", "clearances",
-    "cable_profiles", "check", "draw", "feasible", "shortfall", "workspace_hull",
+    "cable_profiles", "check", "draw", "feasible", "shortfall", "sweep", "workspace_hull",
 )  # fmt: skip
 """Answers that take the memory into account, or that depend on equilibria from new ropes, or on tensions alone."""
 
 
-@pytest.mark.parametrize("answer", [*QUICK, *(name for name in SLOW if name not in {"find_front", "find_layout"})])
+@pytest.mark.parametrize("answer", [*QUICK, *SLOW])
 def test_ropes_with_a_memory_have_an_answer_or_a_reason(answer):
     """What depends on the path is answered along it, or refused in one sentence: never answered as if elastic."""
     if answer == "certify":
@@ -284,6 +287,76 @@ def test_ropes_with_a_memory_have_an_answer_or_a_reason(answer):
     if answer in KNOWS_MEMORY:
         assert ask(REMEMBERING)
         return
-    with pytest.raises(cdpr.InvalidInput, match="found pulley_friction and hysteresis and creep in cable 1") as refused:
+    with pytest.raises(
+        cdpr.InvalidInput, match=r"^robot: found pulley_friction and hysteresis and creep in "
+    ) as refused:
         ask(REMEMBERING)
     assert "\n" not in str(refused.value)
+
+
+REFUSED_COMMANDS = {
+    **{name: COMMANDS[name] for name in ("compensate", "sensitivity", "equilibria", "design")},
+    "models": "-o OUT/models",
+    "view": "",
+    "certify": "",
+    "front": "--within 0.01 -o OUT/front",
+    "identify": "OUT/measured.csv",
+    "settle --certify": "",
+    "settle --pretension": "5",
+    "solve --method": "fsolve",
+    "check --certify": "--grid 1 1 1",
+    "equilibria --certify": "",
+    "video --drop": "-o OUT/video.gif",
+    "video --compensate": "-o OUT/video.gif",
+    "video --drive-seconds": "1 -o OUT/video.gif",
+}
+"""Commands and options that need the elastic law."""
+
+ALLOWED_COMMANDS = ("settle", "solve", "clearances", "show", "sweep", "map", "check", "video", "report")
+WITHOUT_A_ROBOT = {"robots", "new", "schema", "import", "figures", "score"}
+
+
+@pytest.mark.parametrize("command", [*REFUSED_COMMANDS, *ALLOWED_COMMANDS])
+def test_commands_refuse_ropes_with_a_memory_before_they_compute_or_not_at_all(command, tmp_path, monkeypatch):
+    """Nothing is compiled, settled or written before a refusal, which is one sentence with one beginning."""
+    file = tmp_path / "robot.toml"
+    file.write_text(as_toml(REMEMBERING))
+    (tmp_path / "measured.csv").write_text("commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]\n")
+    with (tmp_path / "measured.csv").open("a") as rows:
+        rows.writelines(f"{400 + n},250,100,{99 + n}\n" for n in range(3))
+    refused = command in REFUSED_COMMANDS
+    monkeypatch.setattr(robot_summary, "POINTS", 5)
+    if refused:
+        monkeypatch.setattr(compiling.Compiled, "compiled", property(lambda kernel: pytest.fail("it computes")))
+        monkeypatch.setattr(mujoco.MjModel, "from_xml_string", lambda *given: pytest.fail("it settles"))
+    before = set(tmp_path.iterdir())
+    name, *option = command.split()
+    words = (REFUSED_COMMANDS if refused else COMMANDS)[command].replace("OUT", str(tmp_path)).split()
+    told = CliRunner().invoke(app, [name, str(file), *option, *words])
+    assert not isinstance(told.exception, BaseException) or isinstance(told.exception, SystemExit), told.exception
+    if refused:
+        assert (told.exit_code, told.stdout) == (2, "")
+        assert told.stderr.startswith("cdpr-sim: robot: found pulley_friction and hysteresis and creep in cable 1, ")
+        assert set(tmp_path.iterdir()) == before
+    else:
+        assert told.exit_code in (0, 1 if command == "clearances" else 0), told.output
+
+
+def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
+    """All public functions and commands are in its lists, those that refuse in the list of those."""
+    page = (Path(__file__).parents[1] / "docs" / "verification" / "limits.md").read_text().split("- Collisions")[0]
+    accepted, _, refused = page.partition("these refuse the robot")
+    listed = [set(re.findall(r"`(--[a-z-]+|[a-z_]+)`", part)) for part in (accepted, refused)]
+    answers = {re.split(r"\W", name)[0] for name in [*QUICK, *SLOW]}
+    knows = {re.split(r"\W", name)[0] for name in KNOWS_MEMORY}
+    assert knows <= listed[0]
+    assert answers - knows - {"rest_lengths"} <= listed[1]
+    options = {f"--{word}" for word in ("certify", "pretension", "drop", "compensate", "drive-seconds")}
+    assert options == {word for word in listed[1] if word.startswith("--")}
+    assert set(ALLOWED_COMMANDS) <= listed[0]
+    assert {name for name in REFUSED_COMMANDS if " " not in name} <= listed[1]
+    assert {*ALLOWED_COMMANDS, *WITHOUT_A_ROBOT, *(name.split()[0] for name in REFUSED_COMMANDS)} == set(cli.COMMANDS)
+    of_results = {"show", "write_video", "write_figures", "reset", "validate_layout", "verify_compensation"}
+    of_files = {"import_robot", "list_figures", "list_robots", "load_robot", "open_sweep", "read_measurements"}
+    functions = {name for name in cdpr.__all__ if name[0].islower()}
+    assert functions - of_results - of_files <= listed[0] | listed[1]

@@ -45,7 +45,7 @@ CALLS = {
     )],
     "design": [lambda robot, path: cdpr.find_front(robot, [(0.3, 0.25, 0.1)], within=0.1)],
     "proof": [lambda robot, path: cdpr.certify(cdpr.solve(robot, (0.3, 0.25, 0.1)))],
-    "gym": [lambda robot, path: imported("cdpr_sim.learning.environments")],
+    "gym": [lambda robot, path: imported("cdpr_sim.learning")],
     "jax": [lambda robot, path: imported("cdpr_sim.jax")],
 }  # fmt: skip
 """What needs each extra."""

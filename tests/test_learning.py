@@ -1,6 +1,8 @@
 """The environments of Gymnasium: their dynamics are those of ``track``, and episodes are repeatable."""
 
-import tomllib
+import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import cdpr_sim as cdpr
-from cdpr_sim.learning import ENVIRONMENTS, register
+from cdpr_sim.learning import ENVIRONMENTS
 from cdpr_sim.learning.controllers import run
 from cdpr_sim.learning.domain import Domain
 from cdpr_sim.learning.tasks import REWARDS
@@ -20,8 +22,6 @@ SAME = 5e-5
 tensions and the platform swings, else at most 1.1e-5. Cables that are 10 % softer deviate by more."""
 
 WAY = [(0.35, 0.25, 0.1), (0.45, 0.3, 0.15)]
-
-register()
 
 
 def made(name: str = "Track-v0", **settings):
@@ -49,10 +49,40 @@ def test_gymnasium_finds_nothing_to_object_to(name, robot):
         check_env(environment.unwrapped, skip_render_check=True)
 
 
-def test_the_entry_point_is_where_gymnasium_looks():
-    """As pyproject.toml has it, so that ``gymnasium.make`` needs no import of this package."""
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
-    assert project["entry-points"]["gymnasium.envs"] == {"cdpr_sim": f"{register.__module__}:{register.__name__}"}
+FRESH = """
+import sys
+import gymnasium
+if {imported}:
+    import cdpr_sim.learning
+assert gymnasium.make({name!r}, robot="cogiro").reset(seed=1)[0].shape == (37,)
+assert gymnasium.make_vec({name!r}, num_envs=2, robot="cogiro").reset(seed=1)[0].shape == (2, 37)
+"""
+"""A new Python in which only Gymnasium is imported, or this package too."""
+
+
+def in_a_new_python(code: str, folder: Path) -> None:
+    """Run code as a user does who has installed the package: elsewhere than in the clone."""
+    package = str(Path(cdpr.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": package},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_gymnasium_makes_the_environments_by_their_documented_ids(name, tmp_path):
+    """With the package in the id nothing is imported before; the short id needs its import. ``make_vec`` too."""
+    in_a_new_python(FRESH.format(imported=False, name=f"cdpr_sim.learning:cdpr_sim/{name}"), tmp_path)
+    in_a_new_python(FRESH.format(imported=True, name=f"cdpr_sim/{name}"), tmp_path)
+
+
+def test_the_package_without_its_environments_imports_no_gymnasium(tmp_path):
+    """Nor MuJoCo."""
+    in_a_new_python("import sys, cdpr_sim; assert not {'gymnasium', 'mujoco'} & set(sys.modules)", tmp_path)
 
 
 CONTROLLERS = {

@@ -287,7 +287,9 @@ def test_a_lost_chunk_is_noticed_and_computed_again(store, expected):
     for name, chunk in last.items():
         (store / name / chunk).unlink()
     before = _modified(store)
-    assert_same(cdpr.sweep(**ASKED, store=store).compute(), expected)
+    with pytest.warns(cdpr.StoreRepaired, match=r"sweep\.zarr: found .* and 3 more files lost or corrupt; computing"):
+        mended = cdpr.sweep(**ASKED, store=store)
+    assert_same(mended.compute(), expected)
     kept = _modified(store).items() & before.items()
     assert {name[0] for name, _ in kept} == {"0"}
     assert len(kept) == TASKS
@@ -302,20 +304,18 @@ def test_half_of_all_chunks_lost_is_no_silent_nan(store):
 
 
 def test_a_corrupt_chunk_is_one_sentence_that_names_it(store, expected):
-    """One bit is enough: each chunk carries a checksum. Removed, it is computed again; a status is so by itself."""
+    """One bit is enough: each chunk carries a checksum. The same sweep computes it again."""
     for name, damage in [("tensions", "cut"), ("tensions", "noise"), ("status", "empty"), ("status", "flipped")]:
         file = store / name / "1.3.0.0" if name == "status" else store / name / "0.2.0.0.0"
         intact = file.read_bytes()
         flipped = bytearray(intact)
         flipped[-1] ^= 1
         file.write_bytes({"flipped": flipped, "cut": intact[:-5], "empty": b"", "noise": os.urandom(999)}[damage])
-        corrupt = rf"sweep\.zarr: slab {file.name} of '{name}' is corrupt; remove"
+        corrupt = rf"sweep\.zarr: slab {file.name} of '{name}' is corrupt; run the same sweep again"
         with pytest.raises(cdpr.StoreError, match=corrupt) as told:
             cdpr.open_sweep(store).compute()
         assert "\n" not in str(told.value)
-        if damage == "noise":
-            file.unlink()
-        elif damage != "flipped":
+        if damage not in ("noise", "flipped"):
             file.write_bytes(intact)
     statuses = stores._open_zarr(store)["status"]
     for place in range(len(intact)):  # some of them are numbers
@@ -324,7 +324,70 @@ def test_a_corrupt_chunk_is_one_sentence_that_names_it(store, expected):
         file.write_bytes(flipped)
         with pytest.raises(cdpr.StoreError, match=corrupt):
             statuses.compute()
-    assert_same(cdpr.sweep(**ASKED, store=store).compute(), expected)
+    with pytest.warns(cdpr.StoreRepaired, match=r"found .*0 and 1 more files lost or corrupt"):
+        assert_same(cdpr.sweep(**ASKED, store=store).compute(), expected)
+
+
+def _flipped(file: Path) -> None:
+    """One bit in the middle."""
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+ASKED_ON_THE_COMMAND_LINE = ["sweep", "cogiro", "--grid", "3", "1", "1"]
+
+
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory) -> Path:
+    """A finished store of the command."""
+    path = tmp_path_factory.mktemp("printed") / "s.zarr"
+    assert CliRunner().invoke(app, [*ASKED_ON_THE_COMMAND_LINE, "-o", str(path)]).exit_code == 0
+    return path
+
+
+def _cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:9])
+
+
+@pytest.mark.parametrize(
+    ("place", "damage"),
+    [
+        ("iterations/0.0.0.0", _flipped), ("iterations/0.0.0.0", Path.unlink), ("tilt/0.0.0.0", _flipped),
+        ("status/0.0.0.0", _flipped), ("x/0", _flipped), ("robot_file/0", Path.unlink), ("tilt/.zarray", _cut),
+        ("x/.zattrs", _flipped), (".zgroup", Path.unlink),
+    ],
+)  # fmt: skip
+def test_the_same_command_computes_again_what_is_lost_or_corrupt(printed, tmp_path, place, damage):
+    """Whether its table reads it (tilt) or not (iterations); also coordinates, status and descriptions. It says so."""
+    path = tmp_path / "s.zarr"
+    shutil.copytree(printed, path)
+    damage(path / place)
+    results = [CliRunner().invoke(app, [*ASKED_ON_THE_COMMAND_LINE, "-o", str(path)]) for _ in range(2)]
+    assert [result.exit_code for result in results] == [0, 0]
+    assert [result.stderr.count("lost or corrupt; computing again") for result in results] == [1, 0]
+    assert f"cdpr-sim: warning: store: {path}: found " in results[0].stderr
+    xr.testing.assert_identical(cdpr.open_sweep(path).compute(), cdpr.open_sweep(printed).compute())
+
+
+def test_a_lost_variable_is_no_smaller_sweep(printed, tmp_path):
+    """A folder that is gone, or the description without which Zarr does not see it: refused, and computed again."""
+    path = tmp_path / "s.zarr"
+    for damage in (lambda: shutil.rmtree(path / "tilt"), (path / "tilt" / ".zarray").unlink):
+        shutil.copytree(printed, path, dirs_exist_ok=True)
+        damage()
+        with pytest.raises(cdpr.StoreError, match="has lost 'tilt'; run the same sweep again"):
+            cdpr.open_sweep(path)
+        result = CliRunner().invoke(app, [*ASKED_ON_THE_COMMAND_LINE, "-o", str(path)])
+        assert "lost or corrupt" in result.stderr
+        xr.testing.assert_identical(cdpr.open_sweep(path).compute(), cdpr.open_sweep(printed).compute())
+
+
+def test_a_store_that_does_not_say_what_it_holds_is_left_alone(store):
+    """Its description as a whole is lost: another sweep could be in it."""
+    (store / ".zattrs").write_text("{")
+    with pytest.raises(cdpr.StoreError, match=r"has lost its \.zattrs.* expected a new name"):
+        cdpr.sweep(**ASKED, store=store)
 
 
 def test_a_store_is_plain_zarr(finished):

@@ -194,6 +194,7 @@ def compensate(
     """
     one_of("preference", prefer, get_args(Prefer))
     given_problem = Problem.of(robot, pose, external_wrench=external_wrench)
+    given_problem.robot.cabling.refuse_memory()
     robot, commanded = given_problem.robot, given_problem.pose
     rigid = Problem.of(
         robot, commanded, external_wrench=given_problem.external_wrench

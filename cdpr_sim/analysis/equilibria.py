@@ -192,6 +192,7 @@ def find_equilibria(
     if isinstance(robot, Robot) and pose is None and rest_lengths is not None:
         pose = robot.home
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
+    problem.robot.cabling.refuse_memory()
     if problem.external_wrench[3:].any():
         raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no potential energy")
     if not problem.load > 0:
@@ -249,7 +250,7 @@ def follow_load(
         NotConverged: no equilibrium under some load; carries the best point.
     """
     whole = Problem.of(robot, pose, rest_lengths, external_wrench)
-    whole.robot.cabling.refuse_memory("follow_load")
+    whole.robot.cabling.refuse_memory()
     robot = whole.robot
     if not whole.load > 0:
         raise InvalidInput("follow_load: found no load, expected weight or an external wrench")

@@ -268,6 +268,7 @@ def identify(
     refuse_unless(Robot, robot=robot)
     refuse_unless(Measurements, measurements=measurements)
     refuse_unless(bool, robust=robust)
+    robot.cabling.refuse_memory()
     measurements.check_robot(robot)
     names = _names(unknowns)
     wanted = unknowns_of(robot, measurements, names)

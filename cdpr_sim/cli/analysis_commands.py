@@ -104,6 +104,10 @@ def equilibria(
     if starts < 1:
         raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
     free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
+    if certify:
+        from cdpr_sim.proof.complete import refuse_unsearchable
+
+        refuse_unsearchable(problem)
     with busy("Searching for equilibria"):
         found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
         followed = cdpr.follow_load(problem)

@@ -112,6 +112,7 @@ def design(
     Exit status: 0 if the layout is better in MuJoCo, at the poses and between them, and MuJoCo agrees with statics; 1
     if not.
     """
+    from cdpr_sim.core import extras
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import maps
     from cdpr_sim.drawing.video import writing
@@ -125,6 +126,8 @@ def design(
     ):  # fmt: skip
         if path is not None:
             check_place(path, suffixes, force=force, field=name)
+    if video is not None:
+        extras.require("video", "--video")
     machine = robot_of(robot, material)
     subject_to = {
         "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,

@@ -73,6 +73,9 @@ def settle(
         machine, load = robot_of(robot, material, mass), wrench_of(wrench)
         _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
     problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    if certify:
+        extras.require("proof", "--certify")
+        problem.robot.cabling.refuse_memory()
     if problem.robot.cabling.has_memory.any():
         methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables
     else:
@@ -146,10 +149,13 @@ def certify(
     The equilibria of MuJoCo and of Newton are proved separately; needs the extra proof. Exit status: 0 if both are
     proved, 1 if one is not, 2 for invalid input.
     """
+    from cdpr_sim.core import extras
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import proof_tables as report
 
     problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    extras.require("proof", "certify")
+    problem.robot.cabling.refuse_memory()
     with busy("Settling, solving and proving"):
         proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
     if as_json:

@@ -107,6 +107,7 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a video of platforms that their winches drive along lines in MuJoCo, with the static solver's outline."""
+    from cdpr_sim.core import extras
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import writing
@@ -114,6 +115,7 @@ def video(
 
     with tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, writing.SUFFIXES, force=force)
+        extras.require("video", "video")
         states = writing.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         writing.check_count(len(wanted))
@@ -121,6 +123,9 @@ def video(
         load, through = wrench_of(wrench), waypoints_of(waypoint)
         if through and not (path is None and y is None and z is None):
             raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
+        if compensate or drop or drive_seconds is not None:
+            for robot in machines:
+                robot.cabling.refuse_memory()
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
             slow = not robot.cabling.massless or robot.cabling.has_memory.any()

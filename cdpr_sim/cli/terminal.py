@@ -42,11 +42,15 @@ STATUSES = (
 """For ``--help``."""
 
 
+OURS = (cdpr.ImplausibleRobot, cdpr.StoreRepaired)
+"""Warnings of the package."""
+
+
 @contextmanager
 def errors_as_sentences() -> Iterator[None]:
     """Print errors of the user or the system as one sentence on standard error, and exit with their status.
 
-    A warning about an implausible robot is printed as one line and is no error.
+    A warning about an implausible robot or a repaired store is printed as one line and is no error.
     """
     with warnings_as_lines():
         try:
@@ -89,18 +93,19 @@ def plain_letters_where_needed() -> None:
 
 @contextmanager
 def warnings_as_lines() -> Iterator[None]:
-    """Print each warning about an implausible robot once, as a line on standard error; other warnings as usual."""
+    """Print each warning of the package once, as a line on standard error; other warnings as usual."""
     printed: set[str] = set()
 
     def show(message, category, filename, lineno, file=None, line=None) -> None:
-        if not issubclass(category, cdpr.ImplausibleRobot):
+        if not issubclass(category, OURS):
             usual(message, category, filename, lineno, file, line)
         elif str(message) not in printed:
             printed.add(str(message))
             typer.echo(f"cdpr-sim: warning: {message}", err=True)
 
     with warnings.catch_warnings():
-        warnings.simplefilter("always", cdpr.ImplausibleRobot)
+        for category in OURS:
+            warnings.simplefilter("always", category)
         usual, warnings.showwarning = warnings.showwarning, show
         yield
 

@@ -59,17 +59,18 @@ def sweep(
     ] = False,
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
-    from cdpr_sim.analysis.workspace.sweep import DEFAULT
+    from cdpr_sim.analysis.workspace.sweep import as_robots, default_quantities
     from cdpr_sim.report import workspace_tables as report
 
+    robots = as_robots(robot)
     dataset = cdpr.sweep(
-        robot,
+        robots,
         grid,
         material or None,
         external_wrench=wrench_of(wrench),
         tension_limits=limits,
         wrenches=wrenches_of(wrenches),
-        quantities=[*DEFAULT, "settled"] if settle else DEFAULT,
+        quantities=[*default_quantities(robots), "settled"] if settle else None,
         store=output,
         progress=True,
     )

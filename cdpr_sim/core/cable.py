@@ -202,7 +202,7 @@ class Cabling(Frozen):
         """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)
 
-    def refuse_memory(self, what: str) -> None:
+    def refuse_memory(self) -> None:
         """Refuse friction at pulleys, hysteresis and creep, where they are not taken into account.
 
         Raises:
@@ -212,9 +212,9 @@ class Cabling(Frozen):
             cable = int(np.argmax(self.has_memory))
             names = [name for name in MEMORIES if self.has(name)[cable]]
             raise InvalidInput(
-                f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
-                "not taken into account here; it is in solve, settle, solve_path, settle_path and check, and in track "
-                "if all cables are massless and linear"
+                f"robot: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
+                "not taken into account here; it is in solve, settle, solve_path, settle_path, check and sweep, and in "
+                "track if all cables are massless and linear"
             )
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
@@ -231,7 +231,7 @@ class Cabling(Frozen):
         Raises:
             InvalidInput: cables with a memory, which have another law.
         """
-        self.refuse_memory("robot")
+        self.refuse_memory()
         return self.axial_stiffness, *self.stiffening.T
 
     @cached_property

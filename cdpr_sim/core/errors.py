@@ -50,6 +50,10 @@ class StoreError(CdprError, OSError):
     """A file or folder that cannot be written; existing files are unchanged."""
 
 
+class StoreRepaired(UserWarning):
+    """A store in which something was lost or corrupt: what is written or computed again."""
+
+
 class MissingExtra(CdprError, ImportError):
     """A library of an optional extra that is not installed: the message says how to install it."""
 

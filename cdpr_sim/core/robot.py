@@ -312,7 +312,7 @@ class Robot(HtmlRepr):
         Raises:
             InvalidInput: cables with a memory, whose law depends on it.
         """
-        self.cabling.refuse_memory(self.name)
+        self.cabling.refuse_memory()
         if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
             return self._cable_table
         table = np.broadcast_to(self._cable_table, (*axial_stiffness.shape, COLUMNS)).copy()

@@ -40,7 +40,7 @@ class RobotBatch(Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.robot.cabling.refuse_memory("layout")
+        self.robot.cabling.refuse_memory()
 
     @classmethod
     def of(cls, robots: Sequence[Robot]) -> RobotBatch:

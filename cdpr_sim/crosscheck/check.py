@@ -161,6 +161,8 @@ def check(
     turn = checked_array("orientation", orientation, (3,))
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     for robot in group:
+        if certify:
+            robot.cabling.refuse_memory()
         refuse_wrench_out_of_plane(robot, wrench)
         robot.pose(np.r_[robot.home, turn])
     stack = None if poses is None else grids.as_poses(poses, group[0], grid, turn)

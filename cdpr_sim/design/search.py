@@ -103,6 +103,7 @@ class LayoutEvaluator:
             UnknownName: no such variable part, objective or constraint.
         """
         refuse_unless(Robot, robot=robot)
+        robot.cabling.refuse_memory()
         refuse_unless(FLAG, progress=progress)
         checked_threads(threads)
         moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")
@@ -394,7 +395,7 @@ def _resumed(store: Path, identity: str) -> tuple[int, np.ndarray, np.ndarray]:
     try:
         with open(store, "rb") as file, np.load(file, allow_pickle=False) as kept:
             same, found = str(kept["identity"]), (int(kept["done"]), kept["members"], kept["history"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
         raise InvalidInput(f"{store}: found a file that is not the store of a search, or a damaged one") from None
     if same != identity:
         raise InvalidInput(

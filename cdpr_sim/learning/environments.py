@@ -7,24 +7,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import gymnasium
 import mujoco
 import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
 from jaxtyping import Float
 
-from cdpr_sim.core import extras
 from cdpr_sim.core.checks import one_of
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning import tasks
 from cdpr_sim.learning.pictures import Camera, Window
-
-extras.require("gym", "cdpr_sim.learning")
-
-import gymnasium  # noqa: E402
-from gymnasium import spaces  # noqa: E402
-from gymnasium.utils import seeding  # noqa: E402
-from gymnasium.vector import AutoresetMode  # noqa: E402
-from gymnasium.vector.utils import batch_space  # noqa: E402
 
 FPS = 25
 """Frames per second of the pictures of an environment at its default rate: one for four periods."""

@@ -109,6 +109,7 @@ class Task:
         threads: int = 1,
     ) -> None:
         self.robot = robot = robot if isinstance(robot, Robot) else load_robot(robot)
+        robot.cabling.refuse_memory()
         robot.cabling.refuse_weight("cdpr_sim.learning")
         if not robot.cabling.linear:
             cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
@@ -116,7 +117,6 @@ class Task:
                 f"cdpr_sim.learning: found cable {cable} with nonlinear elasticity, expected linear ones: the winch of "
                 "a nonlinear cable has no limit of force, without which random controls end a simulation"
             )
-        robot.cabling.refuse_memory("cdpr_sim.learning")
         self.count, period = whole("count", count, 1), 1 / positive("rate", rate, "Hz")
         seconds = positive("seconds", self.defaults["seconds"] if seconds is None else seconds, "s")
         self.periods = whole("seconds times rate", max(1, round(seconds / period)), 1, MOST_PERIODS)

@@ -111,7 +111,7 @@ def drive(
     refuse_unless(FLAG, from_rest=from_rest)
     refuse_unless(PROGRESS, progress=progress)
     poses = poses_through(robot, waypoints)
-    robot.cabling.refuse_memory("drive")
+    robot.cabling.refuse_memory()
     whole("states", states, 2, MOST_STATES)
     path = PosePath(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)

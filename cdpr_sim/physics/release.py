@@ -109,7 +109,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem = equilibrium.problem
     robot, pose = problem.robot, equilibrium.pose
-    robot.cabling.refuse_memory("release")
+    robot.cabling.refuse_memory()
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
     seconds, arm = duration(seconds), robot.characteristic_length

@@ -223,7 +223,7 @@ def _settled(
     """Settle (rows,) problems that can be solved; ``frames`` collects the motion of the first one."""
     refuse_unless(mujoco.MjModel | None, model=model)
     if model is not None:
-        problems.robot.cabling.refuse_memory("model")
+        problems.robot.cabling.refuse_memory()
     if weighs(problems.robot, model):
         starts = settled_without_mass(problems, threads)
         with saying(progress) as say:

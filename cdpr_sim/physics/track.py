@@ -166,7 +166,7 @@ def _kind_of_machine(robot: Robot) -> type[Machine]:
         InvalidInput: cables with a memory that have mass or are nonlinear.
     """
     if weighs(robot) or not robot.cabling.linear:
-        robot.cabling.refuse_memory("track")
+        robot.cabling.refuse_memory()
         return _ChainMachine
     return _RopeMachine if robot.cabling.has_memory.any() else Machine
 

@@ -77,5 +77,5 @@ def _written(robot: Robot, position: bytes, rotation: bytes) -> Float[np.ndarray
     """
     at = Pose(np.frombuffer(position), np.frombuffer(rotation).reshape(3, 3))
     rigid = Problem.of(robot, at).rest_lengths
-    robot.cabling.refuse_memory("a winch in MuJoCo")
+    robot.cabling.refuse_memory()
     return frozen(np.array([rigid, *reach(robot, rigid)]))

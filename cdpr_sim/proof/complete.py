@@ -29,7 +29,7 @@ from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
-from cdpr_sim.core.files import appearing
+from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
@@ -206,22 +206,17 @@ def certify_all(
 
     Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
     """
-    extras.require("proof", "proof")
     refuse_unless(Robot | Problem, robot=robot)
     refuse_unless(FLAG, progress=progress)
     most = None if time_limit is None else positive("time_limit", time_limit, "s")
     whole("threads", threads, 1)
     path = None if store is None else checked_path("store", store)
+    if path is not None and not path.exists():
+        check_place(path, (path.suffix,))
     if isinstance(robot, Robot) and rest_lengths is None:
         raise InvalidInput("rest_lengths: found none, expected one per cable [m]")
     problem = Problem.of(robot, robot.home if isinstance(robot, Robot) else None, rest_lengths, external_wrench)
-    problem.robot.cabling.refuse_weight("certify_all")
-    problem.robot.cabling.refuse_memory("certify_all")
-    if not _pull(problem) > 0:
-        raise InvalidInput(
-            "certify_all: found no load, expected weight or force: without load, any pose on slack "
-            "cables is an equilibrium"
-        )
+    refuse_unsearchable(problem)
     search = _Search(problem, path)
     started = time.monotonic()  # the limit is of the search, without the compilation before the first
     search.run(math.inf if most is None else started + most, threads, progress)
@@ -231,6 +226,23 @@ def certify_all(
     return CompleteEquilibria(
         problem, certificates, undecided, search.pending, int(search.counts[0]), before + time.monotonic() - started
     )
+
+
+def refuse_unsearchable(problem: Problem) -> None:
+    """Refuse what ``certify_all`` cannot search; to be called before work begins.
+
+    Raises:
+        InvalidInput: cables with mass or a memory; a load of zero.
+        MissingExtra: python-flint is not installed.
+    """
+    extras.require("proof", "certify_all")
+    problem.robot.cabling.refuse_memory()
+    problem.robot.cabling.refuse_weight("certify_all")
+    if not _pull(problem) > 0:
+        raise InvalidInput(
+            "certify_all: found no load, expected weight or force: without load, any pose on slack "
+            "cables is an equilibrium"
+        )
 
 
 class _Search:

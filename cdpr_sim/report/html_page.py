@@ -22,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cdpr_sim.analysis.workspace.grids import GridLike
+from cdpr_sim.core import extras
 from cdpr_sim.core.checks import FLAG, refuse_unless
 from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.equilibrium import Equilibrium
@@ -105,10 +106,13 @@ def write_report(
         InvalidInput: a path that cannot be written, an existing file, an invalid pose or grid.
         UnknownName: no such robot.
         StoreError: a full disk.
+        MissingExtra: a library of the extra ``sweep``, or of ``video`` if ``video``, is not installed.
     """
     refuse_unless(FLAG, video=video, force=force)
     refuse_unless(Callable, progress=progress)
     path = check_place(path, SUFFIXES, force=force)
+    if video:
+        extras.require("video", "write_report with video")
     refuse_unless(Robot | str | os.PathLike, robot=robot)
     summary = summarise(
         robot if isinstance(robot, Robot) else load_robot(robot), pose, grid=grid, motion=video, progress=progress

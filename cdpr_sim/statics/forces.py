@@ -308,7 +308,7 @@ def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
 def _law(problem: Problem | Problems) -> tuple[Array, ...]:
     """The arguments of ``cable_law`` besides stretches."""
     cabling = problem.robot.cabling
-    cabling.refuse_memory(problem.robot.name)
+    cabling.refuse_memory()
     return problem.rest_lengths + cabling.behind, problem.axial_stiffness, *cabling.stiffening.T
 
 

@@ -141,7 +141,9 @@ def summarise(
     except InvalidInput as error:
         missing.append(f"No maps: {error}.")
     solved = first.solved
-    if isinstance(solved, Equilibrium) and solved.stability is not Stability.UNSTABLE:
+    if robot.cabling.has_memory.any():
+        missing.append("No natural frequencies: they are those of elastic cables, and these have a memory.")
+    elif isinstance(solved, Equilibrium) and solved.stability is not Stability.UNSTABLE:
         modes = natural_modes(solved)
     if motion:
         progress("Driving the platform across its workspace in MuJoCo")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numcodecs import get_codec
 from zarr.storage import LocalStore
 
@@ -29,14 +32,21 @@ class ChecksummedStore(LocalStore):
         if found is None:
             return content
         where = f"store: {self.root}: slab {found['chunk']} of {found['name']!r}"
+        again = "run the same sweep again, which computes it"
         if content is None:
-            raise StoreError(f"{where} is lost; run the same sweep again, which computes it")
-        try:
-            description = json.loads((self.root / found["name"] / ".zarray").read_text(encoding="utf-8"))
-            if description["compressor"]:  # which checks the chunk's checksum
-                get_codec(description["compressor"]).decode(content.to_bytes())
-        except Exception as error:  # each codec has its own
-            raise StoreError(
-                f"{where} is corrupt; remove {self.root / key} and run the same sweep again, which computes it"
-            ) from error
+            raise StoreError(f"{where} is lost; {again}")
+        if not is_intact(self.root / found["name"], content.to_bytes()):
+            raise StoreError(f"{where} is corrupt; {again}")
         return content
+
+
+def is_intact(folder: Path, chunk: bytes) -> bool:
+    """Whether a chunk of the variable in ``folder`` has the right checksum and size."""
+    try:
+        description = json.loads((folder / ".zarray").read_text(encoding="utf-8"))
+        if description["compressor"]:  # which checks the checksum
+            chunk = bytes(get_codec(description["compressor"]).decode(chunk) or b"")
+        size = math.prod(description["chunks"]) * np.dtype(description["dtype"]).itemsize
+    except Exception:  # each codec has its own
+        return False
+    return len(chunk) == size

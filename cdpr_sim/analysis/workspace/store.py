@@ -5,7 +5,8 @@ are computed and written one after the other, their status last. So whenever the
 as solved are complete, missing ones are pending, and the next run fills in the slabs that have a pending pose.
 
 Every chunk is a file, also one of zeros, and has a checksum: a chunk that is lost or corrupt later is
-detected, and never read as zeros. One process at a time writes to a store, by a lock beside it.
+detected, and never read as zeros. The same sweep reads all chunks again before it continues, and computes those.
+One process at a time writes to a store, by a lock beside it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ import os
 import shutil
 import socket
 import tempfile
+import warnings
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +29,7 @@ import numpy as np
 
 from cdpr_sim.core import extras
 from cdpr_sim.core.checks import checked_path as given_path
-from cdpr_sim.core.errors import InvalidInput, StoreError
+from cdpr_sim.core.errors import InvalidInput, StoreError, StoreRepaired
 from cdpr_sim.core.files import refuse_unwritable
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.status import Status
@@ -38,6 +42,9 @@ PENDING = Status.PENDING.value
 
 TASKS = 16
 """Chunks that are computed between two writes to the store, or two updates of the progress bar."""
+
+FILES = (".zarray", ".zattrs")
+"""What describes a variable in a Zarr store."""
 
 DIMENSIONS = ("robot", "x", "y", "z")
 """Dimensions along which slabs are divided."""
@@ -82,20 +89,25 @@ def open_sweep(store: str | Path) -> xr.Dataset:
         missing = int((dataset["status"] == PENDING).sum())
     except StoreError:
         raise
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
+        if path.suffix == ".zarr" and _identity_of(path) is not None:
+            raise StoreError(
+                f"store: {path} has lost a description of its variables, or it is corrupt; run the same sweep again, "
+                "which writes it"
+            ) from None
         raise InvalidInput(f"store: found no sweep in {path}") from None
     if missing:
         raise InvalidInput(
             f"store: {path} is unfinished: {missing} of {dataset['status'].size} poses are pending; "
             "run the same sweep again, which resumes it"
         )
-    lost = _losses(dataset, path) if path.suffix != ".nc" else []
+    lost = [] if path.suffix == ".nc" else [one for one in _chunks(dataset) if not (path / one[0] / one[1]).exists()]
     if lost:
         name, chunk = lost[0]
         more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
         raise StoreError(
-            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; run the same sweep "
-            "again, which computes what is lost"
+            f"store: {path} has lost slab {chunk} of {name!r}{more}; run the same sweep again, "
+            "which computes what is lost"
         )
     return dataset
 
@@ -117,13 +129,18 @@ def computed(dataset: xr.Dataset, *, progress: bool) -> xr.Dataset:
 
 
 def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progress: bool) -> xr.Dataset:
-    """Compute ``dataset`` into ``path`` and read it from there; in an unfinished Zarr store, only what is missing.
+    """Compute ``dataset`` into ``path`` and read it from there; in a Zarr store, only what is missing or corrupt.
+
+    Warns:
+        StoreRepaired: something was lost or corrupt, and is computed again.
 
     Raises:
         InvalidInput: the store holds something else.
         StoreError: it cannot be written, as on a full disk, or another process writes to it; its content is kept.
     """
     dataset.attrs["identity"] = _digest(identity)
+    if path.suffix == ".zarr":
+        dataset.attrs["variables"] = sorted(map(str, dataset.variables))
     try:
         with _held(path):
             if path.suffix == ".nc":
@@ -131,13 +148,11 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
             else:
                 if not path.exists():
                     _create(dataset, path)
-                elif _identity_of(path) != dataset.attrs["identity"]:
-                    raise InvalidInput(
-                        f"store: {path} exists and holds something else; expected a new name, or the very sweep that "
-                        "was begun there"
-                    )
-                _mend_coordinates(dataset, path)
-                _fill(dataset, path, progress=progress)
+                    slabs = list(_slabs(dataset))
+                else:
+                    _refuse_another(dataset, path)
+                    slabs = _repair(dataset, path, progress=progress)
+                _fill(dataset, path, slabs, progress=progress)
     except StoreError:
         raise
     except OSError as error:
@@ -161,8 +176,9 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
             part.unlink(missing_ok=True)
 
 
-def _create(dataset: xr.Dataset, path: Path) -> None:
-    """Create the store with coordinates and every status pending, under another name until it is complete."""
+@contextmanager
+def _described(dataset: xr.Dataset, path: Path) -> Iterator[Path]:
+    """A folder beside the store with its descriptions and coordinates, and no other chunk; removed at the end."""
     from numcodecs import Zstd
 
     for left in path.parent.glob(f".{path.name}-*.part"):
@@ -175,6 +191,17 @@ def _create(dataset: xr.Dataset, path: Path) -> None:
             part, mode="w", compute=False, consolidated=False, zarr_format=2, write_empty_chunks=True,
             encoding={str(name): {"compressors": compressor} for name in dataset.variables},
         )  # fmt: skip
+        root = part / ".zattrs"
+        attributes = json.loads(root.read_text(encoding="utf-8")) | {"descriptions": _descriptions(part)}
+        root.write_text(json.dumps(attributes, indent=2), encoding="utf-8")
+        yield part
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _create(dataset: xr.Dataset, path: Path) -> None:
+    """Create the store with coordinates and every status pending, under another name until it is complete."""
+    with _described(dataset, path) as part:
         status = dataset["status"]
         pending = status.drop_vars(list(status.coords)).to_dataset()
         pending["status"] = status.dims, np.full(status.shape, PENDING, status.dtype)
@@ -182,42 +209,92 @@ def _create(dataset: xr.Dataset, path: Path) -> None:
         _write_region(pending, part, everywhere)
         os.chmod(part, 0o755)
         os.rename(part, path)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
 
 
-def _mend_coordinates(dataset: xr.Dataset, path: Path) -> None:
-    """Rewrite lost or corrupt coordinates, which are written with the store, and not slab by slab."""
-    try:
-        _open_zarr(path).coords.to_dataset().load()
-    except StoreError:
-        dataset[list(dataset.coords)].to_zarr(
-            path, mode="a", consolidated=False, zarr_format=2, write_empty_chunks=True
+def _refuse_another(dataset: xr.Dataset, path: Path) -> None:
+    """Refuse a store that does not hold this sweep, or does not say which."""
+    identity = _identity_of(path)
+    if identity is None and (path / "status").is_dir():
+        raise StoreError(
+            f"store: {path} has lost its .zattrs, or it is corrupt, so it does not say which sweep it holds; expected "
+            "a new name"
+        )
+    if identity != dataset.attrs["identity"]:
+        raise InvalidInput(
+            f"store: {path} exists and holds something else; expected a new name, or the very sweep that was "
+            "begun there"
         )
 
 
-def _fill(dataset: xr.Dataset, path: Path, *, progress: bool) -> None:
-    on_disk = _open_zarr(path)
-    lost = _losses(on_disk, path)
-    slabs = list(_slabs(dataset))
+def _repair(dataset: xr.Dataset, path: Path, *, progress: bool) -> list[dict[str, slice]]:
+    """Write lost and corrupt descriptions and coordinates again, and remove corrupt chunks of the other variables.
+
+    Warns:
+        StoreRepaired: there are any, or lost chunks of slabs that are marked as computed.
+
+    Returns:
+        The slabs that have to be computed, or computed again.
+    """
+    from cdpr_sim.analysis.workspace.checksummed_store import is_intact
+
+    def intact(file: Path) -> bool:
+        with suppress(OSError):
+            return is_intact(file.parent, file.read_bytes())
+        return False
+
+    with _described(dataset, path) as part:
+        files = [file.relative_to(part) for file in part.rglob("*") if file.is_file()]
+        wrong = [str(file) for file in files if not (file.name.startswith(".") or intact(path / file))]
+        if _attributes(path).get("descriptions") != _descriptions(path):
+            wrong.append("the description of its variables")
+        if wrong:
+            for file in sorted(files, key=lambda file: len(file.parts), reverse=True):  # those of the whole store last
+                (path / file).parent.mkdir(exist_ok=True)
+                os.replace(part / file, path / file)
+    on_disk, slabs = _open_zarr(path), list(_slabs(dataset))
+    chunks = [(name, chunk) for name, chunk in _chunks(on_disk) if name in on_disk.data_vars]
+    bad: dict[tuple[int, ...], list[Path]] = {}  # by where their slab begins
+    starts = {dim: sorted({slab[dim].start for slab in slabs}) for dim in slabs[0]}
+    with bar(f"check of {path.name}", len(chunks), show=progress) as advance, ThreadPoolExecutor() as pool:
+        good = pool.map(intact, [path / name / chunk for name, chunk in chunks])
+        for (name, chunk), is_good in zip(chunks, good, strict=True):
+            if not is_good:
+                bad.setdefault(_slab_of(chunk, on_disk[name], starts), []).append(path / name / chunk)
+            advance(1)
+    todo = []
+    for slab in slabs:
+        files = bad.get(tuple(part.start for part in slab.values()), [])
+        lost = [file for file in files if not file.exists()]
+        for file in files:
+            file.unlink(missing_ok=True)
+        readable = all(file.parent.name != "status" for file in files)
+        pending = readable and bool((on_disk["status"].isel(slab) == PENDING).any())
+        # Chunks of a slab that is pending may not be there yet.
+        wrong += [str(file.relative_to(path)) for file in files if not (pending and file in lost)]
+        if files or pending:
+            todo.append(slab)
+    if wrong:
+        more = f" and {len(wrong) - 1} more files" if len(wrong) > 1 else ""
+        warnings.warn(
+            f"store: {path}: found {wrong[0]}{more} lost or corrupt; computing again what was there",
+            StoreRepaired,
+            stacklevel=4,
+        )
+    return todo
+
+
+def _slab_of(chunk: str, variable: xr.DataArray, starts: dict[str, list[int]]) -> tuple[int, ...]:
+    """Where the slab of a chunk begins, of those that begin at ``starts``."""
+    sizes = zip(map(str, variable.dims), variable.encoding["chunks"], chunk.split("."), strict=True)
+    first = {dim: int(number) * size for dim, size, number in sizes}
+    return tuple(each[bisect_right(each, first[dim]) - 1] for dim, each in starts.items())
+
+
+def _fill(dataset: xr.Dataset, path: Path, slabs: Sequence[dict[str, slice]], *, progress: bool) -> None:
     with bar(f"sweep into {path.name}", len(slabs), show=progress) as advance:
         for slab in slabs:
-            if _is_pending(on_disk, slab, lost):
-                _write_slab(dataset.isel(slab), path, slab)
+            _write_slab(dataset.isel(slab), path, slab)
             advance(1)
-
-
-def _is_pending(on_disk: xr.Dataset, slab: dict[str, slice], lost: list[tuple[str, tuple[int, ...]]]) -> bool:
-    """Whether a part of the slab has to be computed, or computed again."""
-    for name, chunk in lost:
-        sizes = dict(zip(map(str, on_disk[name].dims), on_disk[name].encoding["chunks"], strict=True))
-        first = {dim: number * sizes[dim] for dim, number in zip(sizes, chunk, strict=True)}
-        if all(part.start <= first[dim] < part.stop for dim, part in slab.items() if dim in first):
-            return True
-    try:
-        return bool((on_disk["status"].isel(slab) == PENDING).any())
-    except StoreError:  # a corrupt status
-        return True
 
 
 def _write_slab(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None:
@@ -260,17 +337,12 @@ def _held(path: Path) -> Iterator[None]:
         lock.release()
 
 
-def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]]:
-    """Variables and chunks whose files are missing: all of them are written, also those of zeros."""
-    lost = []
+def _chunks(dataset: xr.Dataset) -> Iterator[tuple[str, str]]:
+    """Variable and file name of each chunk of a store: all of them are written, also those of zeros."""
     for name, variable in dataset.variables.items():
-        there = set(os.listdir(path / str(name)))
-        chunks = variable.encoding["chunks"]
-        counts = [-(-size // chunk) for size, chunk in zip(variable.shape, chunks, strict=True)]
-        for chunk in np.ndindex(*counts):
-            if (".".join(map(str, chunk)) or "0") not in there:
-                lost.append((str(name), chunk))
-    return lost
+        sizes = zip(variable.shape, variable.encoding["chunks"], strict=True)
+        for chunk in np.ndindex(*(-(-size // chunk) for size, chunk in sizes)):
+            yield str(name), ".".join(map(str, chunk)) or "0"
 
 
 def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
@@ -289,19 +361,47 @@ def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
 
 
 def _open_zarr(path: Path) -> xr.Dataset:
+    """The sweep in a Zarr store.
+
+    Raises:
+        StoreError: a variable is lost.
+    """
     import xarray as xr
 
     from cdpr_sim.analysis.workspace.checksummed_store import ChecksummedStore
 
-    return xr.open_zarr(ChecksummedStore(path, read_only=True), consolidated=False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Object at", UserWarning)  # a variable without its description
+        dataset = xr.open_zarr(ChecksummedStore(path, read_only=True), consolidated=False)
+    lost = sorted(set(dataset.attrs.get("variables", ())) - set(dataset.variables))
+    if lost:
+        raise StoreError(f"store: {path} has lost {lost[0]!r}; run the same sweep again, which computes it")
+    return dataset
+
+
+def _attributes(path: Path) -> dict[str, Any]:
+    """The attributes of the store as a whole; none if they are lost or corrupt."""
+    try:
+        found = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _identity_of(path: Path) -> str | None:
+    return _attributes(path).get("identity")
+
+
+def _descriptions(path: Path) -> str | None:
+    """Hash of all that describes the store and its variables; None if something of it is lost or corrupt."""
+    attributes = _attributes(path)
+    files = [path / ".zgroup", *(path / name / file for name in attributes.get("variables", ()) for file in FILES)]
     try:
-        found = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
-        return found.get("identity") if isinstance(found, dict) else None
+        found = [json.loads(file.read_text(encoding="utf-8")) for file in files]
     except (OSError, ValueError):
         return None
+    attributes.pop("descriptions", None)
+    return hashlib.sha256(json.dumps([attributes, found], sort_keys=True).encode()).hexdigest()
 
 
 def _digest(identity: Sequence[Any]) -> str:

@@ -138,14 +138,16 @@ def sweep(
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "capacity_margin", which is zero
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default, without "eigenvalues" and "frequency"
+            if cables of a robot have a memory; or "capacity_margin", which is zero
             on the border of the feasible workspace, between the poses of the grid; or "settled", which settles every
             pose in MuJoCo and compares it with statics as ``check`` does, in the variables of
             ``crosscheck.settled_quantities``. The status is always included.
         chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
-        store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
-            there, slab by slab as it is used.
+        store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed, and of which all chunks are
+            checked and lost or corrupt ones computed again; the result is then read from there, slab by slab as it is
+            used.
         progress: show a progress bar on standard error.
 
     Returns:
@@ -158,6 +160,9 @@ def sweep(
         InvalidInput: an invalid grid, pose, name, limit or store, or a store for poses.
         UnknownName: no such robot, material or quantity.
         StoreError: the store cannot be written; its content is kept.
+
+    Warns:
+        StoreRepaired: something in the store was lost or corrupt, and was computed again.
     """
     extras.require("sweep", "sweep")
     import xarray as xr
@@ -170,7 +175,7 @@ def sweep(
         raise InvalidInput("poses: found them with a store or without compute, expected a grid for those")
     axes = as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
     stiffnesses = axial_stiffnesses(group, materials)
-    names = _checked_quantities(quantities)
+    names = _checked_quantities(quantities, group)
     most = max(group, key=lambda robot: robot.cables)
     if "slack_set" in names and most.cables > MOST_BITS:
         raise InvalidInput(
@@ -315,12 +320,21 @@ def axial_stiffnesses(
     return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
 
 
-def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
+def default_quantities(robots: Sequence[Robot]) -> list[str]:
+    """``DEFAULT``; if cables of a robot have a memory, those without stiffness, which they do not have."""
+    remember = any(robot.cabling.has_memory.any() for robot in robots)
+    return [name for name in DEFAULT if not (remember and name in _MODES)]
+
+
+def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot]) -> list[str]:
     if quantities is None:
-        return list(DEFAULT)
+        return default_quantities(robots)
     known = [*DEFAULT, "capacity_margin", "settled"]
     for name in listed("quantities", quantities, "a list of names"):
         one_of("quantity", name, known)
+    if _MODES & set(quantities):
+        for robot in robots:
+            robot.cabling.refuse_memory()
     return [name for name in known if name in quantities or name == "status"]
 
 

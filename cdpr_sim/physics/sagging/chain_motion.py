@@ -59,7 +59,7 @@ class ChainMotion:
         ahead: float = 1.0,
         cable_damping: float = 0.0,
     ) -> None:
-        simulation.robot.cabling.refuse_memory("a motion of cables with mass")
+        simulation.robot.cabling.refuse_memory()
         self.simulation, self.longest = simulation, longest
         self.row = simulation.all
         simulation.residuals(self.row)
