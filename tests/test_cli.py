@@ -21,9 +21,9 @@ def run(*words: str):
 
 def test_settle_shows_the_tilt_the_slack_cables_and_agreement():
     """The main job: 26° of tilt and four slack cables at the left end of the paper's line, and exit status 0."""
-    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1")
+    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1", "--all")
     assert result.exit_code == 0
-    tilt = next(line for line in result.stdout.splitlines() if line.strip().startswith("tilt"))
+    tilt = next(line for line in result.stdout.splitlines() if line.strip().startswith("tilt [°]"))
     assert tilt.split()[-4:-2] == ["26.420", "26.420"]
     assert "4 of 8" in result.stdout
     assert "the two methods agree" in result.stdout
@@ -112,6 +112,41 @@ def test_figures_draws_lists_and_protects_what_is_there(tmp_path, monkeypatch):
     listed = run("figures", "--list")
     for name in cdpr.list_figures():
         assert name in listed.stdout
+
+
+def test_the_result_comes_first_and_the_papers_solver_only_with_all():
+    """Of `settle` and `solve` the first five lines are the result; SEECR and residuals are details."""
+    place = ["--pose", "0.2", "0.25", "0.1"]
+    for command, verdict in (
+        ("settle", "The two methods agree. Stable equilibrium."),
+        ("solve", "Stable equilibrium, "),
+    ):
+        lines = run(command, "parallel", *place, "--material", "dyneema-2mm").stdout.splitlines()
+        assert lines[0].startswith(verdict)
+        assert [line[:17].strip() for line in lines[1:5]] == ["deviation", "tilt", "slack cables", "highest tension"]
+        assert "% of its breaking load of" in lines[4]
+        brief = run(command, "parallel", *place).stdout
+        assert "its breaking load is unknown" in brief
+        assert not {"SEECR", "iterations", "unbalanced [N]"} & set(brief.split("\n\n", 1)[1].split("  "))
+    assert "fsolve" not in run("settle", "parallel", *place).stdout
+    full = run("settle", "parallel", *place, "--all").stdout
+    assert "fsolve" in full
+    assert "iterations" in full
+    assert "iterations" in run("solve", "parallel", *place, "--all").stdout
+
+
+def test_every_command_says_its_verdict_before_its_tables():
+    """A designer reads the first line."""
+    for words, verdict in (
+        ("compensate parallel --pose 0.3 0.25 0.1", "No lengths hold the commanded pose"),
+        ("certify two-cable", "Proved: "),
+        ("sensitivity two-cable", "Largest effects: "),
+        ("equilibria two-cable --starts 20", "1 equilibrium found, 1 stable."),
+        ("check two-cable --grid 2 1 1", "No disagreement at 2 poses"),
+        ("clearances cogiro --grid 1 1 1", "Interference-free"),
+        ("settle two-cable --waypoint 0.35,0,0.2 --waypoint 0.4,0,0.2 --path-points 2", "The methods agree at 2 of 2"),
+    ):
+        assert run(*words.split()).stdout.startswith(verdict), words
 
 
 def test_table_marks_a_point_that_is_no_equilibrium():

@@ -361,7 +361,7 @@ def test_objectives_are_what_single_rests_say(two_layouts):
         "lowest tension": [min(min(one.tensions) for one in row) for row in alone],
         "highest tension": [max(max(one.tensions) for one in row) for row in alone],
         "softest stiffness": [min(min(one.eigenvalues) for one in row) for row in alone],
-        "displacement": [0.0, 0.05],
+        "points moved": [0.0, 0.05],
         "size of frame": [np.sqrt(sum((max(x) - min(x)) ** 2 for x in row[0].problem.robot.exits.T)) for row in alone],
     }
     for name, values in expected.items():
@@ -375,7 +375,7 @@ def test_objectives_are_what_single_rests_say(two_layouts):
         ("worst tilt", 0.1, "5.73°"), ("mean tilt", 0.1, "5.73°"), ("worst deviation", 0.0123, "12.3 mm"),
         ("mean deviation", 0.0123, "12.3 mm"), ("most slack cables", 3, "3"), ("lowest tension", 1.25, "1.25 N"),
         ("softest stiffness", 1500, "1500 N/m"), ("lowest frequency", 11.5, "11.5 Hz"),
-        ("feasible volume", 0.42, "42 %"), ("worst sensitivity", 2.5, "2.5 mm/mm"), ("displacement", 0.05, "50 mm"),
+        ("feasible volume", 0.42, "42 %"), ("worst sensitivity", 2.5, "2.5 mm/mm"), ("points moved", 0.05, "50 mm"),
         ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no equilibrium at some pose"),
     ],
 )  # fmt: skip
@@ -389,7 +389,7 @@ def test_what_is_missing_is_counted_from_single_rests(two_layouts, parallel):
     equilibria, alone = two_layouts
     asked = {
         "tensions": (0.3, 2.0), "all taut": True, "stable": True, "worst tilt": 0.1, "lowest tension": 0.5,
-        "displacement": 0.04, "mean slack cables": 8.0,
+        "points moved": 0.04, "mean slack cables": 8.0,
     }  # fmt: skip
     found, (lower, upper), reach = constraints_of(parallel, asked)
     assert (lower.tolist(), upper.tolist(), reach) == ([0.3] * 8, [2.0] * 8, 0.04)
@@ -414,7 +414,7 @@ def test_constraints_hold_where_they_bind(parallel):
     """Without the constraint the best layout breaks it; with it, it does not, and the objective pays."""
     free = cdpr.find_layout(parallel, LINE, within=0.1, generations=20)
     assert free.largest_displacement > 0.06
-    bound = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, subject_to={"displacement": 0.06})
+    bound = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, subject_to={"points moved": 0.06})
     assert bound.largest_displacement <= 0.06 * (1 + 1e-8)
     assert free.after < bound.after < bound.before
     near = cdpr.find_layout(

@@ -23,7 +23,7 @@ from cdpr_sim.analysis.workspace.feasibility import (
 )
 from cdpr_sim.core.describe import describe_properties
 from cdpr_sim.core.robot_batch import RobotBatch
-from cdpr_sim.design.layout_equilibria import Cases, feasible_share
+from cdpr_sim.design.layout_equilibria import Cases, feasible_cases
 from cdpr_sim.report.as_json import solution
 from cdpr_sim.report.crosscheck_tables import equilibrium_notes
 from cdpr_sim.robots.robot_file_text import as_toml
@@ -276,7 +276,8 @@ def test_force_limits_are_those_of_the_ropes():
     for share, expected in ((0.999, True), (1.001, False)):
         shift = share * margins[row]
         assert feasible(robot, positions[row], tension_limits=(20 + shift, 250 - shift)) == expected
-    share = feasible_share(RobotBatch.of([robot]), Cases.of(robot, positions), (np.full(8, 20.0), np.full(8, 250.0)))
+    limits = (np.full(8, 20.0), np.full(8, 250.0))
+    share = feasible_cases(RobotBatch.of([robot]), Cases.of(robot, positions), limits).mean(-1)
     assert share[0] == pytest.approx(can.mean())
 
 

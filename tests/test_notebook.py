@@ -251,9 +251,9 @@ def test_an_equilibrium_shows_forces_that_balance(robot):
     page = Page(cdpr.solve(robot, POSE)._repr_html_())
     position = 1e-3 * np.array([float(page.rows[f"{axis} [mm]"][-1]) for axis in "xyz"])
     tilt = np.radians(float(page.rows["about y [°]"][-1]))
-    words = [page.rows[f"tension {cable + 1} [N]"][-1] for cable in range(robot.cables)]
-    assert words.count("slack") == 4
-    tensions = np.array([0.0 if word == "slack" else float(word) for word in words])
+    found = {label: cells[-1] for label, cells in page.rows.items() if label.startswith("tension ")}
+    assert sum(label.endswith(", slack") for label in found) == 4
+    tensions = np.array([float(word) for word in found.values()])
     turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     arms = robot.anchors @ turn.T
     ways = robot.exits - position - arms

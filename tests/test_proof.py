@@ -427,19 +427,20 @@ def test_certify_prints_what_is_proved_of_both_methods():
 
 
 def test_settle_shows_the_proved_errors_where_the_extra_is_installed(monkeypatch):
-    """In a row, and on request in a column too; without the extra it prints what ``--no-certify`` prints."""
+    """With details in a row, and on request in a column too; without the extra it prints what ``--no-certify`` prints."""
     words = "settle", "parallel", "--pose", "0.38", "0.25", "0.1"  # where SEECR needs few steps
     label = re.escape("proved within [mm]")
-    default, column, without = (run(*words, *more) for more in ((), ("--certify",), ("--no-certify",)))
+    default, column, without = (run(*words, "--all", *more) for more in ((), ("--certify",), ("--no-certify",)))
     assert [one.exit_code for one in (default, column, without)] == [0, 0, 0]
     (bounds,) = re.findall(f"^ {label} +(.*)$", default.stdout, re.MULTILINE)
     assert all(float(bound) < 1e-6 for bound in bounds.split())
     assert len(bounds.split()) >= 2
-    assert " proved " not in default.stdout.splitlines()[3]
-    assert " proved " in column.stdout.splitlines()[3]
+    heads = [next(line for line in one.stdout.splitlines() if " commanded " in line) for one in (default, column)]
+    assert " proved " not in heads[0]
+    assert " proved " in heads[1]
     assert set(json.loads(run(*words, "--json").stdout)["certificates"]) >= {"mujoco", "newton"}
     monkeypatch.setitem(sys.modules, "flint", None)
-    plain = run(*words)
+    plain = run(*words, "--all")
     assert plain.stdout == without.stdout
     assert "proved" not in plain.stdout
     assert "certificates" not in json.loads(run(*words, "--json").stdout)
@@ -456,7 +457,7 @@ def test_settle_says_why_an_equilibrium_is_not_proved(monkeypatch):
         return dataclasses.replace(certify(equilibrium), reasons=("a reason",))
 
     monkeypatch.setattr(cdpr, "certify", unproved)
-    result = run("settle", "cogiro")
+    result = run("settle", "cogiro", "--all")
     assert result.exit_code == 0
     assert len(re.findall("MuJoCo, Newton.*: not proved: a reason", result.stdout)) == 1
 

@@ -15,6 +15,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
+from cdpr_sim.design.layout_equilibria import Cases
+from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.drawing import maps, still, style
 from cdpr_sim.drawing.video import frame_layout, scene, writing
 from cdpr_sim.studies import better_layouts
@@ -324,11 +326,13 @@ def test_before_and_after_are_not_swapped(layouts, monkeypatch):
     axes = {"x": np.array([0.5, 1.5]), "y": np.zeros(1), "z": np.array([0.5, 1.5, 2.5])}
     monkeypatch.setattr(better_layouts, "numbers", lambda _: numbers)
     monkeypatch.setattr(better_layouts, "plane", lambda *_: axes)
-    monkeypatch.setattr(better_layouts, "sweep", lambda robot, *_, **__: {"tilt": SimpleNamespace(values=maps[robot])})
-    goal = SimpleNamespace(name="worst tilt", shown=str)
-    found = SimpleNamespace(given=before.robot, robot=after.robot, cases=before.problems, objective=goal)
-    sides = [Mock(spec=ValidatedRobot, settled=one, score=1.0) for one in layouts]
-    validation = Mock(spec=LayoutValidation, layout=found, before=sides[0], after=sides[1], cases=before.problems)
+    monkeypatch.setattr(better_layouts, "objective_map", lambda _, robot, __: maps[robot])
+    goal, cases = OBJECTIVES["worst tilt"], Cases.of(before.robot, asked)
+    found = SimpleNamespace(given=before.robot, robot=after.robot, cases=cases, objective=goal)
+    sides = [Mock(spec=ValidatedRobot, settled=one, score=1.0, each=np.array([0.1, 0.2])) for one in layouts]
+    validation = Mock(
+        spec=LayoutValidation, layout=found, before=sides[0], after=sides[1], cases=cases, side_effects=("worse",)
+    )
     figure = better_layouts.picture(validation)
     spaces = [ax for ax in figure.axes if ax.name == "3d"]
     assert [ax.get_title() or ax.get_title(loc="left") for ax in spaces] == ["before", "after"]
@@ -356,6 +360,39 @@ def test_before_and_after_are_not_swapped(layouts, monkeypatch):
     cells = {place: cell.get_text().get_text() for place, cell in table.get_celld().items()}
     rows = [[cells[row, column] for column in range(3)] for row in range(3)]
     assert rows == [["", "before", "after"], *map(list, numbers)]
+
+
+def test_what_moved_on_the_platform_is_drawn_enlarged_and_named(parallel_with_other_anchors):
+    """Anchors and the centre of mass in a third column, exits on the frame; the map is of the objective's quantity."""
+    figure = better_layouts.picture(parallel_with_other_anchors)
+    (legend,) = (ax.get_legend() for ax in figure.axes if ax.get_legend())
+    said = [text.get_text() for text in legend.get_texts()]
+    assert [text for text in said if "moved" in text] == ["anchor moved, from its previous position"]
+    spaces = [ax for ax in figure.axes if ax.name == "3d"]
+    assert [ax.get_title() for ax in spaces] == ["before", "after", "platform, enlarged"]
+    drawn = [np.transpose(line.get_data_3d()) for line in spaces[2].lines if same_color(line.get_color(), style.ORANGE)]
+    found = parallel_with_other_anchors.layout
+    moves = np.stack([found.given.anchors, found.robot.anchors], axis=1)
+    np.testing.assert_allclose([line for line in drawn if len(line) == 2], moves)
+    assert "deviation [mm]" in [ax.get_ylabel() for ax in figure.axes]
+    panel = next(ax for ax in figure.axes if ax.images)
+    image = panel.images[0]
+    x0, x1, z0, z1 = image.get_extent()
+    rows, columns = image.get_array().shape
+    (x, _, z), y = (x0 + (x1 - x0) / columns / 2, 0, z0 + (z1 - z0) / rows / 2), 0.25
+    corner = cdpr.solve(found.given, (x, y, z))
+    assert image.get_array()[0, 0] == pytest.approx(1e3 * np.linalg.norm(corner.deviation), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def parallel_with_other_anchors() -> LayoutValidation:
+    """`parallel` with anchors moved for the least deviation at one pose."""
+    found = cdpr.find_layout(
+        cdpr.load_robot("parallel"), [(0.2, 0.25, 0.1), (0.4, 0.25, 0.1)], move="anchors", within=0.01, generations=2,
+        objective="worst deviation", population=10,
+    )  # fmt: skip
+    assert found.better
+    return cdpr.validate_layout(found)
 
 
 def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small(monkeypatch):

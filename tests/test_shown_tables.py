@@ -105,7 +105,7 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     # Rz Ry Rx = Ry(b) Rx(a) has beta = b.
     assert cells(lines, "about y [°]", 5) == ["0.000", "20.000", "21.000", "22.000", "23.000"]
     assert cells(lines, "tension 1 [N]", 4) == ["1.2500", "1.3750", "1.5000", "1.6250"]
-    assert cells(lines, "tension 2 [N]", 4) == ["slack"] * 4
+    assert cells(lines, "tension 2 [N], slack", 4) == ["0.0000"] * 4
     assert cells(lines, "tension 8 [N]", 4) == ["3.7500", "3.8750", "4.0000", "4.1250"]
     assert cells(lines, "slack cables", 12) == ["2", "of", "8"] * 4
     assert cells(lines, "unbalanced [N]", 4) == ["1.0e-09", "1.0e-08", "1.0e-07", "1.0e-06"]
@@ -114,6 +114,36 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     assert {name: swapped[name] for name in columns(crosscheck_tables.settle_table(problem, results))} == columns(
         crosscheck_tables.settle_table(problem, results)
     )
+
+
+def test_what_matters_comes_first_in_five_lines():
+    """Verdict, deviation, tilt, slack cables, and the highest tension against the breaking load; before → after."""
+    robot = cdpr.load_robot("cogiro").replace(breaking_load=[2.0] * 7 + [100.0])
+    problem = cdpr.Problem.of(robot, (*COMMANDED, 0, math.radians(25), 0))
+    before, after = made_up("mujoco", problem=problem), made_up("newton", problem=problem)
+    after = dataclasses.replace(after, tensions=np.array([1.0, 0, 1, 1, 1, 0, 1.5, 30]))
+    said = crosscheck_tables.lead("so it is", problem.pose, before, after).replace("\\", "").splitlines()
+    distances = math.hypot(11, 3, 7), math.hypot(12, 5, 10)
+    tilts = [
+        math.degrees(math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b)))) for a, b in ((3, 20), (4, 21))
+    ]
+    assert said == [
+        "so it is",
+        f"deviation        {distances[0]:.3f} → {distances[1]:.3f} mm: x 12.000, y 5.000, z -10.000 mm",
+        f"tilt             {tilts[0]:.3f} → {tilts[1]:.3f}°, commanded 25.000°",
+        f"slack cables     2 → 2 of 8: {', '.join(str(c + 1) for c in np.flatnonzero(after.slack))}",
+        "highest tension  30 N, cable 8, 30 % of its breaking load of 100 N; cable 7 75 % of its breaking load of 2 N",
+    ]
+
+
+def test_a_cable_that_is_slack_in_one_method_alone_is_marked_in_its_column():
+    """Its tension is printed as well."""
+    slack, taut = made_up("mujoco"), made_up("newton")
+    taut = dataclasses.replace(taut, lengths=np.full(8, 2.0), tensions=np.full(8, 1.0))
+    lines = printed(crosscheck_tables.settle_table(slack.problem, [slack, taut]))
+    assert cells(lines, "tension 2 [N], slack", 3) == ["0.0000", "taut", "1.0000"]
+    lines = printed(crosscheck_tables.settle_table(slack.problem, [taut, slack]))
+    assert cells(lines, "tension 2 [N]", 3) == ["1.0000", "slack", "0.0000"]
 
 
 def test_a_commanded_tilt_is_in_degrees():
@@ -415,6 +445,7 @@ def test_a_layouts_json_says_each_number_of_its_own_method():
         cases=[1] * 3, changes=(), largest_displacement=0.01, layouts_evaluated=40, history=[0] * 7, message="done",
         warnings=("near its end",),
     )  # fmt: skip
+    effects = ("more slack cables",)
     for score, better in ((0.25, True), (np.nan, False)):
         sides = Mock(spec=ValidatedRobot, score=0.75), Mock(spec=ValidatedRobot, score=score)
         told = design_tables.design_json(
@@ -426,6 +457,7 @@ def test_a_layouts_json_says_each_number_of_its_own_method():
                 after=sides[1],
                 agrees=True,
                 better=better,
+                side_effects=effects,
             )
         )
         in_mujoco = None if np.isnan(score) else score
@@ -434,6 +466,7 @@ def test_a_layouts_json_says_each_number_of_its_own_method():
         ]  # fmt: skip
         assert (told["agrees"], told["better"], told["poses"], told["poses_in_mujoco"]) == (True, better, 3, 5)
         assert (told["layouts_evaluated"], told["generations"], told["largest_displacement"]) == (40, 7, 0.01)
+        assert told["warnings"] == ["more slack cables", "near its end"]
         assert (told["robot"], told["exits"]) == ("parallel", robot.exits.tolist())
 
 

@@ -40,6 +40,7 @@ def compensate(
     """
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report.crosscheck_tables import lead
 
     problem = problem_of(robot, pose, material)
     with busy("Computing tensions"):
@@ -53,10 +54,13 @@ def compensate(
     if as_json:
         print_json(json_of.compensation(problem, compensation, verification, before, after))
     else:
+        verdict, *reasons = report.compensation_verdict(compensation, verification).split("\n")
         print_parts(
-            report.compensation_table(compensation, before, after),
+            lead(verdict, problem.pose, before[0], after[0]),
+            *reasons,
             report.compensation_lengths(compensation),
-            report.compensation_verdict(compensation, verification),
+            "",
+            report.compensation_table(compensation, before, after),
         )
     raise typer.Exit(0 if compensation.exact and verification.held else DISAGREE)
 
@@ -79,8 +83,8 @@ def sensitivity(
     if as_json:
         print_json(json_of.sensitivity(answer, effects, modes))
     else:
-        table = report.sensitivity_table(answer, effects[:rows])
-        print_parts(table, report.sensitivity_note(answer), report.modes_table(modes))
+        lines = report.sensitivity_lead(answer, effects, modes)
+        print_parts(*lines, report.sensitivity_table(answer, effects[:rows]), report.modes_table(modes))
 
 
 def equilibria(
@@ -122,16 +126,18 @@ def equilibria(
         print_json(answer if proved is None else answer | json_of.complete(proved))
     else:
         same = "MuJoCo reaches the same one" if by_mujoco == reached else f"MuJoCo reaches {by_mujoco + 1} instead"
-        print_parts(
-            report.equilibria_table(found, releases, reached),
-            f"With gravity increased step by step, the platform reaches equilibrium {reached + 1}; {same}.",
-            report.equilibria_note(found),
-        )
+        lines = [
+            f"[bold]{len(found)} {'equilibria' if len(found) > 1 else 'equilibrium'}[/] found, "
+            f"{sum(one.stable for one in found)} stable. With gravity increased step by step, the platform reaches "
+            f"equilibrium {reached + 1}; {same}.",
+            *filter(None, [report.equilibria_note(found)]),
+        ]
         if proved is not None:
             from cdpr_sim.report import proof_tables
 
             missing = [one for one in proved.missing_from(found) if saddles or one.stable]
-            print_parts(proof_tables.complete_note(proved), proof_tables.missing_note(missing))
+            lines += [proof_tables.complete_note(proved), proof_tables.missing_note(missing)]
+        print_parts(*lines, report.equilibria_table(found, releases, reached))
     raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.command_classes import numbers_in
@@ -21,6 +22,14 @@ VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
 
 MOST_FILES = 1000
 """Largest number of robot files written for a Pareto front."""
+
+OBJECTIVES = (
+    "worst tilt, mean tilt, worst deviation, mean deviation, most slack cables, mean slack cables, lowest tension, "
+    "highest tension, softest stiffness, lowest frequency, feasible volume (share of poses that rigid cables hold), "
+    "worst sensitivity (of the pose to errors of exits and anchors), points moved (of exits and anchors, the one that "
+    "moved most) or size of frame (diagonal of the box around the exits)"
+)
+"""For ``--help``."""
 
 BYTES_PER_CASE = 200
 """Memory per pose, before the search begins."""
@@ -69,9 +78,7 @@ def design(
     within: Within = "0.05",
     along: Along = None,
     symmetry: SymmetryName = "detected",
-    objective: Annotated[
-        str, typer.Option("--objective", help="worst tilt, worst deviation, lowest tension, softest stiffness, ...")
-    ] = "worst tilt",
+    objective: Annotated[str, typer.Option("--objective", help=f"{OBJECTIVES}.")] = "worst tilt",
     grid: Positions = None,
     line: Line = None,
     points: Points = 18,
@@ -83,7 +90,9 @@ def design(
     clearance: Annotated[float | None, typer.Option("--clearance", help="Minimum clearance of cables [m].")] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option("--limit", metavar="OBJECTIVE=VALUE", help="Limit of any objective, in SI units; repeatable."),
+        typer.Option(
+            "--limit", metavar="OBJECTIVE=VALUE", help="Limit of any objective, in SI units (m, rad); repeatable."
+        ),
     ] = None,
     stiffness: Annotated[
         list[float] | None,
@@ -110,7 +119,7 @@ def design(
     """Optimise the layout, and validate the result in MuJoCo. Ctrl-C keeps the best layout so far.
 
     Exit status: 0 if the layout is better in MuJoCo, at the poses and between them, and MuJoCo agrees with statics; 1
-    if not.
+    if not. If no better layout is found, nothing is written.
     """
     from cdpr_sim.core import extras
     from cdpr_sim.core.files import check_place, write_whole
@@ -146,6 +155,11 @@ def design(
         store=store,
         progress=True,
     )
+    if not result.better:
+        output = picture = video = None
+        if not as_json:
+            print_parts(f"{escape(result.none_better)} Nothing is written.")
+            raise typer.Exit(DISAGREE)
     with busy("Settling both layouts in MuJoCo"):
         validation = cdpr.validate_layout(result)
     if output is not None:
@@ -161,8 +175,9 @@ def design(
     if as_json:
         print_json(report.design_json(validation))
     else:
-        tables = report.changes_table(result), report.numbers_table(result, shown.numbers(validation))
-        print_parts(*tables, result.message, *validation.sentences)
+        lead, *others = validation.sentences
+        tables = report.numbers_table(result, shown.numbers(validation)), report.changes_table(result)
+        print_parts(f"[bold]{escape(lead)}[/]", *map(escape, others), *tables, result.message)
         for path in filter(None, (output, picture, video)):
             typer.echo(path)
     raise typer.Exit(0 if validation.agrees and validation.better else DISAGREE)
@@ -172,8 +187,8 @@ def front(
     robot: RobotName,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and one robot file per layout.")],
     objectives: Annotated[
-        tuple[str, str], typer.Option("--objectives", metavar="ONE OTHER", help="Two objectives, as in `design`.")
-    ] = ("displacement", "worst tilt"),
+        tuple[str, str], typer.Option("--objectives", metavar="ONE OTHER", help=f"Two of: {OBJECTIVES}.")
+    ] = ("points moved", "worst tilt"),
     move: Moves = None,
     within: Within = "0.05",
     along: Along = None,
@@ -189,7 +204,10 @@ def front(
     ] = 20,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
-    """Compute the Pareto front of two objectives: layouts as a table, a figure and robot files."""
+    """Compute the Pareto front of two objectives: layouts as a table, a figure and robot files.
+
+    Exit status 1, and nothing is written, if no layout is better than the given one by either objective.
+    """
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
     from cdpr_sim.drawing.axes import encoded
     from cdpr_sim.report import design_tables as report
@@ -212,7 +230,11 @@ def front(
             generations=generations,
             population=max(max_files, 100),
             progress=True,
-        ).thinned(max_files)
+        )
+        if not pareto.better:
+            print_parts(f"{escape(pareto.none_better)} Nothing is written.")
+            raise typer.Exit(DISAGREE)
+        pareto = pareto.thinned(max_files)
         files = {picture: encoded(pareto_picture(pareto))}
         files |= {
             output / f"robot-{row + 1}.toml": as_toml(pareto.robot(row)).encode() for row in range(len(pareto))
@@ -220,7 +242,7 @@ def front(
         write_whole(files)
     count = f"{pareto.layouts_evaluated:,} layouts evaluated"
     note = f"{count}, by statics alone; `design` validates a layout in MuJoCo."
-    print_parts(report.front_table(pareto), note, *pareto.warnings)
+    print_parts(note, *pareto.warnings, report.front_table(pareto))
     for path in files:
         typer.echo(path)
 
@@ -265,9 +287,9 @@ def clearances(
         distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
     free = distances.free(min_distance)
     print_parts(
-        report.clearance_table(distances),
         f"Interference-free (distance above {1e3 * min_distance:g} mm) at {int(free.sum())} of {free.size} poses; "
         f"{1e3 * distances.fitting:.3g} mm at both ends of each cable ignored.",
+        report.clearance_table(distances),
     )
     raise typer.Exit(0 if free.all() else DISAGREE)
 

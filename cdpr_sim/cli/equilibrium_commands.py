@@ -10,6 +10,7 @@ from rich.markup import escape
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import (
     AsJson,
+    Details,
     Mass,
     MaterialName,
     PathPoints,
@@ -47,17 +48,18 @@ def settle(
         typer.Option(
             "--certify/--no-certify",
             help="Show the proved equilibrium in a column; for planar robots, prove that there are no others. By "
-            "default one row shows the proved errors if the extra proof is installed.",
+            "default, with --all, one row shows the proved errors if the extra proof is installed.",
         ),
     ] = None,
     waypoint: Waypoints = None,
     path_points: PathPoints = 11,
+    details: Details = False,
     as_json: AsJson = False,
 ) -> None:
-    """Settle the platform in MuJoCo, solve with Newton and SEECR, and compare MuJoCo with Newton.
+    """Settle the platform in MuJoCo, solve with Newton, and compare the two; with --all, also solve with SEECR.
 
-    With the extra proof, each equilibrium found is proved, with a bound of its error. With waypoints, MuJoCo and Newton
-    are compared at each pose of a path, along which cables keep their memory.
+    With --all and the extra proof, each equilibrium found is proved, with a bound of its error. With waypoints, MuJoCo
+    and Newton are compared at each pose of a path, along which cables keep their memory.
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
@@ -76,8 +78,9 @@ def settle(
     if certify:
         extras.require("proof", "--certify")
         problem.robot.cabling.refuse_memory()
-    if problem.robot.cabling.has_memory.any():
-        methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables
+    details = details or as_json
+    if not details or problem.robot.cabling.has_memory.any():
+        methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables only
     else:
         methods = METHODS
     with busy("Solving for the static equilibrium"):
@@ -87,7 +90,7 @@ def settle(
         raise newton
     agreement = cdpr.compare(newton, settled)
     outcomes = [settled, newton, *seecr]
-    proving = not extras.missing("proof") if certify is None else certify
+    proving = details and not extras.missing("proof") if certify is None else certify
     proved = [cdpr.certify(one) for one in outcomes if proving and isinstance(one, cdpr.Equilibrium)]
     complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:
@@ -96,18 +99,22 @@ def settle(
     else:
         middle = next((one.midpoint for one in proved if certify and one.equilibrium is newton), None)
         shown = outcomes if middle is None else [middle, *outcomes]
-        table = report.settle_table(problem, shown)
+        table = report.settle_table(problem, shown, details=details)
         if proved:
             cells = {one.equilibrium.source: proof_tables.proof_cell(one) for one in proved}
             sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
             table.add_row(escape("proved within [mm]"), "", *(cells.get(source, "") for source in sources))
+        differences = report.verdict(agreement)
         print_parts(
-            table,
+            report.lead(report.verdict_sentence(agreement, settled), problem.pose, settled),
+            *([] if agreement.agrees else [differences]),
+            *report.equilibrium_notes(newton),
             *proof_tables.reasons(proved),
             *([] if complete is None else [proof_tables.complete_note(complete)]),
+            "",
+            table,
             *(f"[dim]{escape(one.reason)}[/]" for one in outcomes if isinstance(one, cdpr.NotConverged)),
-            *report.equilibrium_notes(newton),
-            report.verdict(agreement),
+            *([differences] if agreement.agrees else []),
         )
     raise typer.Exit(0 if agreement.agrees else DISAGREE)
 
@@ -120,6 +127,7 @@ def solve(
     mass: Mass = None,
     wrench: Wrench = None,
     method: Annotated[str, typer.Option("--method", help="newton, fsolve or least_squares.")] = "newton",
+    details: Details = False,
     as_json: AsJson = False,
 ) -> None:
     """Solve for the static equilibrium with one solver. Exit status 2 if it finds none."""
@@ -132,7 +140,9 @@ def solve(
     if as_json:
         print_json(json_of.solution(result))
     else:
-        print_parts(report.settle_table(problem, [result]), *report.equilibrium_notes(result))
+        verdict = f"[bold]{result.stability.name.capitalize()} equilibrium[/], {result.residual:.1e} N unbalanced."
+        table = report.settle_table(problem, [result], details=details)
+        print_parts(report.lead(verdict, problem.pose, result), *report.equilibrium_notes(result), "", table)
 
 
 def certify(
@@ -161,7 +171,7 @@ def certify(
     if as_json:
         print_json(json_of.certificates(proved))
     else:
-        print_parts(report.certificate_table(proved), *report.reasons(proved))
+        print_parts(report.certificate_lead(proved), *report.reasons(proved), "", report.certificate_table(proved))
     raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
 
 
@@ -185,8 +195,7 @@ def _settle_along(
     if as_json:
         print_json(json_of.path(solved, settled, agree))
     else:
-        verdict = f"The methods agree at {int(agree.sum())} of {len(agree)} poses."
-        print_parts(report.path_table(settled, compared.errors, agree), verdict)
+        print_parts(*report.path_lead(settled, agree), report.path_table(settled, compared.errors, agree))
     raise typer.Exit(0 if agree.all() else DISAGREE)
 
 

@@ -91,6 +91,7 @@ Wrenches = Annotated[
         help="[N, N m] External wrench of the wrench-feasible workspace, besides --wrench; repeatable.",
     ),
 ]
+Details = Annotated[bool, typer.Option("--all", help="Print all methods and all details.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
 
 

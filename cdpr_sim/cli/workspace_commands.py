@@ -180,5 +180,5 @@ def check(
     )
     if output is not None:
         maps.write(maps.draw_agreement_map(result.across()), output)
-    print_parts(report.check_table(result.dataset), *report.check_lines(result))
+    print_parts(*report.check_lines(result), report.check_table(result.dataset))
     raise typer.Exit(0 if result.agrees else DISAGREE)

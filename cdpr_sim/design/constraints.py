@@ -16,7 +16,7 @@ from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.design.layout_equilibria import LayoutEquilibria
-from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES, Limits
+from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES, Limits, renamed
 
 KNOWN = ("tensions", "all taut", "stable", "clearance")
 
@@ -42,7 +42,7 @@ STABLE = Constraint(
 
 
 def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
-    """Constraints as users give them, with the tension limits [N] and the limit of displacement [m] among them.
+    """Constraints as users give them, with the tension limits [N] and the limit of how far points move [m] among them.
 
     Raises:
         UnknownName: no such constraint.
@@ -51,7 +51,7 @@ def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[
     refuse_unless(Mapping | None, subject_to=subject_to)
     constraints, limits, reach = [], NO_LIMITS, np.inf
     for name, value in ({} if subject_to is None else subject_to).items():
-        one_of("constraint", name, (*KNOWN, *OBJECTIVES))
+        one_of("constraint", name, (*KNOWN, *OBJECTIVES), renamed)
         if name == "tensions":
             limits = checked_limits(robot, value)
             constraints.append(_tensions(robot, *limits))
@@ -61,7 +61,7 @@ def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[
             constraints.append(STABLE if name == "stable" else ALL_TAUT)
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
-            reach = limit if name == "displacement" else reach
+            reach = limit if name == "points moved" else reach
             constraints.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
     return constraints, limits, reach
 

@@ -40,6 +40,7 @@ class Front(Frozen, HtmlRepr):
         layouts: the robots.
         cases: poses, loads and stiffnesses that each layout was evaluated at.
         layouts_evaluated: number of layouts evaluated.
+        given_allowed: whether the given layout has an equilibrium in every case and satisfies the constraints.
     """
 
     given: Robot
@@ -49,6 +50,21 @@ class Front(Frozen, HtmlRepr):
     layouts: RobotBatch
     cases: Cases
     layouts_evaluated: int
+    given_allowed: bool = True
+
+    @property
+    def better(self) -> bool:
+        """Whether a layout is better than the given one by an objective, or since that violates a constraint."""
+        pairs = [zip(self.objectives, row, self.before, strict=True) for row in self.scores]
+        return not self.given_allowed or any(goal.better(*values) for row in pairs for goal, *values in row)
+
+    @property
+    def none_better(self) -> str:
+        """That no layout is better, in a sentence."""
+        goals = zip(self.objectives, self.before, strict=True)
+        given = " and ".join(f"{goal.name} {goal.shown(value)}" for goal, value in goals)
+        count = f"{self.layouts_evaluated:,} layouts evaluated"
+        return f"{self.given.name}: {given} as given, and none of {count} is better by either."
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -82,13 +98,14 @@ class Front(Frozen, HtmlRepr):
 
     def __repr__(self) -> str:
         one, other = self.objectives
-        return f"<Front of {self.given.name!r}: {len(self)} layouts, {one.name} against {other.name}>"
+        found = f"{len(self)} layouts" if self.better else "no layout better than the given one"
+        return f"<Front of {self.given.name!r}: {found}, {one.name} against {other.name}>"
 
 
 def find_front(
     robot: Robot,
     poses: Any,
-    objectives: tuple[Any, Any] = ("displacement", "worst tilt"),
+    objectives: tuple[Any, Any] = ("points moved", "worst tilt"),
     *,
     move: str | Move | Sequence[str | Move] = "exits",
     within: ArrayLike | None = None,
@@ -121,7 +138,8 @@ def find_front(
         threads: of the compiled solver; 0 for one per processor.
 
     Returns:
-        The layouts of the front with their scores, (layouts, 2) in SI units.
+        The layouts of the front with their scores, (layouts, 2) in SI units; ``better`` says whether one is better than
+        the given layout.
 
     Raises:
         InvalidInput: as ``find_layout``.
@@ -185,4 +203,5 @@ def find_front(
     layouts = space.layouts(space.completed(np.atleast_2d(result.X))[order])
     given = evaluator.equilibria(np.zeros((1, len(space))))
     before = np.array([evaluator.scores(given, goal)[0] for goal in goals])
-    return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.layouts_evaluated)
+    allowed = evaluator.allows(given, before)
+    return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.layouts_evaluated, allowed)

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
@@ -81,14 +81,22 @@ class Cases(Frozen):
 
     def finer(self) -> Cases:
         """These poses and the midpoints between neighbours, along every dimension of ``shape``."""
-        poses = int(np.prod(self.shape, dtype=int))
-        each = len(self) // poses
+        each = self.per_pose
         at = self.positions[::each].reshape(*self.shape, 3)
         turned = Rotation.from_matrix(self.rotations[::each]).as_quat().reshape(*self.shape, 4)
         for axis in range(len(self.shape)):
             at, turned = _halved(at, axis), _halved(turned, axis)
         count = int(np.prod(at.shape[:-1], dtype=int))
-        turned = Rotation.from_quat(turned.reshape(count, 4)).as_matrix()
+        return self.elsewhere(at, Rotation.from_quat(turned.reshape(count, 4)).as_matrix())
+
+    @property
+    def per_pose(self) -> int:
+        """Number of cases of each pose: its loads times its stiffnesses."""
+        return len(self) // int(np.prod(self.shape, dtype=int))
+
+    def elsewhere(self, at: Float[np.ndarray, "*shape 3"], turned: Float[np.ndarray, "poses 3 3"]) -> Cases:
+        """The same loads and stiffnesses at other poses."""
+        count, each = len(turned), self.per_pose
         return Cases(
             np.repeat(at.reshape(count, 3), each, axis=0), np.repeat(turned, each, axis=0),
             np.tile(self.wrench[:each], (count, 1)), np.tile(self.factors[:each], count), at.shape[:-1],
@@ -164,10 +172,10 @@ def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int = 0) -> Layout
     return LayoutEquilibria(**{one.name: getattr(found, one.name) for one in dataclasses.fields(found)}, cases=cases)
 
 
-def feasible_share(
+def feasible_cases(
     layouts: RobotBatch, cases: Cases, limits: tuple[np.ndarray, np.ndarray]
-) -> Float[np.ndarray, " layouts"]:
-    """Share of the cases in which rigid cables hold the platform within ``limits`` and the robot's own limits."""
+) -> Bool[np.ndarray, "layouts cases"]:
+    """Whether rigid cables hold the platform within ``limits`` and the robot's own limits."""
     robot = layouts.robot
     lower, upper = np.maximum(limits[0], robot.force_min), np.minimum(limits[1], robot.force_max)
     with np.errstate(all="ignore"):
@@ -181,4 +189,4 @@ def feasible_share(
             layouts.center_of_mass[:, None], cases.wrench[:, None] + weight[..., None, :], np.array(robot.free),
             layouts.characteristic_lengths[:, None], cases.positions, cases.rotations,
         )  # fmt: skip
-    return ((np.asarray(left) <= BALANCED) & (lower <= upper).all(-1)).mean(-1)
+    return (np.asarray(left) <= BALANCED) & (lower <= upper).all(-1)

@@ -12,7 +12,7 @@ from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
-from cdpr_sim.design.objectives import Objective
+from cdpr_sim.design.objectives import Limits, Objective
 
 PROMISE = (
     "The layout was optimised for these poses and loads only: elsewhere, under other loads, with other cables or by "
@@ -43,11 +43,13 @@ class LayoutResult(Frozen, HtmlRepr):
     """Best layout of an optimisation.
 
     Attributes:
-        robot: the robot with that layout.
+        robot: the robot with that layout; the given one if no better layout was found.
         given: the robot that the search started from.
         objective: what was minimised or maximised.
         before, after: its values, in SI units.
         cases: poses, loads and stiffnesses of the optimisation.
+        limits: of the tensions, for objectives that use them.
+        given_allowed: whether the given layout has an equilibrium in every case and satisfies the constraints.
         equilibria_before, equilibria: equilibria of both robots, each (1, cases).
         history: (generations, 3): generation, layouts evaluated so far, best value of the objective.
         layouts_evaluated: number of layouts evaluated.
@@ -62,6 +64,8 @@ class LayoutResult(Frozen, HtmlRepr):
     before: float
     after: float
     cases: Cases
+    limits: Limits
+    given_allowed: bool
     equilibria_before: LayoutEquilibria
     equilibria: LayoutEquilibria
     history: Float[np.ndarray, "generations 3"]
@@ -69,6 +73,11 @@ class LayoutResult(Frozen, HtmlRepr):
     message: str
     values: Float[np.ndarray, " variables"]
     variables: tuple[str, ...]
+
+    @property
+    def better(self) -> bool:
+        """Whether the layout is better than the given one: by the objective, or since that violates a constraint."""
+        return not self.given_allowed or self.objective.better(self.after, self.before)
 
     @property
     def largest_displacement(self) -> float:
@@ -100,14 +109,26 @@ class LayoutResult(Frozen, HtmlRepr):
 
     def __str__(self) -> str:
         of = self.objective
+        if not self.better:
+            return f"{self.none_better} {self.message}"
         return (
             f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
             f"moved by at most {1e3 * self.largest_displacement:.3g} mm. "
             f"{' '.join([self.message, *self.warnings, PROMISE])}"
         )
 
+    @property
+    def none_better(self) -> str:
+        """That no layout is better, in a sentence."""
+        of, count = self.objective, f"{self.layouts_evaluated:,} layouts evaluated"
+        return f"{self.given.name}: {of.name} {of.shown(self.before)} as given, and none of {count} is better."
+
     def __repr__(self) -> str:
         of = self.objective
+        if not self.better:
+            return (
+                f"<LayoutResult of {self.given.name!r}: no better layout, {of.name} {of.shown(self.before)} as given>"
+            )
         return (
             f"<LayoutResult of {self.given.name!r}: {of.name} {of.shown(self.before)} before, "
             f"{of.shown(self.after)} now, "

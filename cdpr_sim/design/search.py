@@ -59,7 +59,7 @@ class LayoutEvaluator:
         objective: what is minimised or maximised.
         constraints: that every layout must satisfy.
         limits: tension limits, for objectives that use them.
-        reach: limit of displacement [m].
+        reach: limit of how far points move [m].
         threads: for the compiled solver.
         best: values of the variables of the best layout so far.
         energy: its energy.
@@ -155,6 +155,11 @@ class LayoutEvaluator:
             self.violations_of_best = dict(zip(names, each[:, row].tolist(), strict=True))
         return energies
 
+    def allows(self, equilibria: LayoutEquilibria, scores: Float[np.ndarray, "*"]) -> bool:
+        """Whether one layout has an equilibrium in every case and satisfies all constraints."""
+        unsolved = np.array([bool(np.isnan(scores).any())])
+        return not unsolved[0] and float(self.violations(equilibria, unsolved).max(initial=0)) <= CONSTRAINT_TOLERANCE
+
     def violations(
         self, equilibria: LayoutEquilibria, unsolved: np.ndarray
     ) -> Float[np.ndarray, "constraints layouts"]:
@@ -222,7 +227,8 @@ def find_layout(
         threads: of the compiled solver; 0 for one per processor.
 
     Returns:
-        The best layout; after Ctrl-C the best so far, with a corresponding ``message``.
+        The best layout, or the given one if none is ``better``; after Ctrl-C the best so far, with a corresponding
+        ``message``.
 
     Raises:
         InvalidInput: crossed bounds, a symmetry that the robot does not have, an objective that returns nan, poses that
@@ -254,20 +260,27 @@ def find_layout(
                 evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))
             except KeyboardInterrupt:
                 message += " The local refinement was interrupted."
-    equilibria = evaluator.equilibria(evaluator.best[None])
+    best = evaluator.best
+    equilibria = evaluator.equilibria(best[None])
+    after, allowed = float(evaluator.scores(equilibria)[0]), evaluator.allows(equilibria_before, np.array([before]))
+    better = not allowed or wanted.better(after, before)
+    if not better:
+        best, equilibria, after = np.zeros(len(space)), equilibria_before, before
     return LayoutResult(
-        robot=named(equilibria.layouts.robot_at(0), wanted),
+        robot=named(equilibria.layouts.robot_at(0), wanted) if better else robot,
         given=robot,
         objective=wanted,
         before=before,
-        after=float(evaluator.scores(equilibria)[0]),
+        after=after,
         cases=cases,
+        limits=evaluator.limits,
+        given_allowed=allowed,
         equilibria_before=equilibria_before,
         equilibria=equilibria,
         history=np.array(history).reshape(-1, 3),
         layouts_evaluated=evaluator.layouts_evaluated,
         message=message,
-        values=evaluator.best,
+        values=best,
         variables=space.names,
     )
 

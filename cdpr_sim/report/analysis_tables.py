@@ -19,7 +19,7 @@ from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report.crosscheck_tables import SLACK, heading, overload_notes
+from cdpr_sim.report.crosscheck_tables import heading, overload_notes, tension_cell
 from cdpr_sim.report.table_style import new_table
 
 
@@ -52,7 +52,9 @@ def compensation_table(
     table.row("tilt [°]", *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (SLACK if point.slack[cable] else f"{point.tensions[cable]:.3f}" for point in results.values())
+        cells = (
+            tension_cell(f"{point.tensions[cable]:.3f}", slack=bool(point.slack[cable])) for point in results.values()
+        )
         table.row(f"tension {cable + 1} [N]", *cells)
     if any(point.overloaded.any() for point in results.values()):
         counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
@@ -108,6 +110,20 @@ def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
             f"{effect.tension:.4g}",
         )
     return table
+
+
+def sensitivity_lead(answer: Sensitivity, effects: Sequence[Effect], modes: Modes) -> list[str]:
+    """Lines that come first: the largest effect of each unit, the lowest frequency, and the range of validity."""
+    largest: dict[str, Effect] = {}
+    for effect in effects:
+        largest.setdefault(effect.per, effect)
+    parts = [
+        f"{one.name}: {one.position:.3g} mm and {one.rotation:.3g}° per {per}" for per, one in largest.items()
+    ]  # fmt: skip
+    lines = [f"[bold]Largest effects:[/] {escape('; '.join(parts))}."]
+    if len(modes.frequencies):
+        lines.append(f"Lowest natural frequency: {modes.frequencies[0]:.3f} Hz.")
+    return [*lines, sensitivity_note(answer)]
 
 
 def sensitivity_note(answer: Sensitivity) -> str:

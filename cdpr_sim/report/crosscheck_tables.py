@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.modes import neutral_directions
 from cdpr_sim.core.describe import describe_cables, describe_twist
@@ -48,6 +49,60 @@ def platform_and_cables(robot: Robot) -> str:
     return f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg"
 
 
+def tension_cell(tension: str, *, slack: bool | None) -> str:
+    """A tension, marked if the cable is slack."""
+    return f"{SLACK} {tension}" if slack else tension
+
+
+def lead(verdict: str, commanded: RigidTransform, *points: Equilibrium) -> str:
+    """Five lines, first of what is printed: the verdict, and what matters of one equilibrium, or before → after."""
+    now, robot = points[-1], points[-1].problem.robot
+    deviations = [1e3 * (one.position - commanded.translation) for one in points]
+    distances = " → ".join(f"{np.linalg.norm(one):.3f}" for one in deviations)
+    x, y, z = deviations[-1].round(3) + 0.0  # without a negative zero
+    level = np.degrees(tilt_of_matrices(commanded.rotation.as_matrix()))
+    counts = " → ".join(str(int(one.slack.sum())) for one in points)
+    slack = ", ".join(str(cable + 1) for cable in np.flatnonzero(now.slack))
+    lines = {
+        "deviation": f"{distances} mm: x {x:.3f}, y {y:.3f}, z {z:.3f} mm",
+        "tilt": " → ".join(f"{np.degrees(one.tilt):.3f}" for one in points)
+        + (f"°, commanded {level:.3f}°" if level > 5e-4 else "°"),
+        "slack cables": f"{counts} of {robot.cables}" + (f": {slack}" if slack else ""),
+        "highest tension": highest_tension(now),
+    }
+    return "\n".join([verdict, *(f"{label:<17}{escape(text)}" for label, text in lines.items())])
+
+
+def highest_tension(equilibrium: Equilibrium) -> str:
+    """The highest tension with its share of the breaking load, and the cable with the highest share if another."""
+    tensions, loads = equilibrium.tensions, equilibrium.problem.robot.breaking_load
+    first = int(np.argmax(tensions))
+    nearest = int(np.argmax(tensions / loads))
+    text = f"{tensions[first]:.4g} N, cable {first + 1}"
+    text += f", {_share(equilibrium, first)}" if np.isfinite(loads[first]) else "; its breaking load is unknown"
+    known = nearest != first and tensions[nearest] / loads[nearest] > tensions[first] / loads[first]
+    return text + (f"; cable {nearest + 1} {_share(equilibrium, nearest)}" if known else "")
+
+
+def _share(equilibrium: Equilibrium, cable: int) -> str:
+    load = equilibrium.problem.robot.breaking_load[cable]
+    return f"{100 * equilibrium.tensions[cable] / load:.2g} % of its breaking load of {load:.4g} N"
+
+
+def path_lead(settled: EquilibriumBatch, agree: np.ndarray) -> list[str]:
+    """Lines that come first: at how many poses the methods agree, and the worst of MuJoCo's equilibria."""
+    done = settled.converged
+    color = "green" if agree.all() else "red"
+    lines = [f"[bold {color}]The methods agree at {int(agree.sum())} of {len(agree)} poses.[/]"]
+    if done.any():
+        lines.append(
+            f"Worst, in MuJoCo: deviation {1e3 * np.linalg.norm(settled.deviation[done], axis=-1).max():.3f} mm, "
+            f"tilt {np.degrees(settled.tilt[done].max()):.3f}°, {int(settled.slack[done].sum(-1).max())} of "
+            f"{settled.robot.cables} cables slack, tension {settled.tensions[done].max():.4g} N."
+        )
+    return lines
+
+
 def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agree: np.ndarray) -> Table:
     """A row for each pose of a path: MuJoCo's equilibrium, its distance from the static one, and whether they agree."""
     table = new_table(
@@ -70,8 +125,14 @@ def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agre
     return table
 
 
-def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
-    """A column per method; a method that found no equilibrium shows its best point, marked."""
+def settle_table(problem: Problem, outcomes: Sequence[Outcome], *, details: bool = True) -> Table:
+    """A column per method; a method that found no equilibrium shows its best point, marked.
+
+    Args:
+        problem: the problem.
+        outcomes: of each method.
+        details: whether to show deviations, slack cables, residuals and iterations as well.
+    """
     robot = problem.robot
     table = new_table(platform_and_cables(robot), "", "commanded", methods=True)
     points = [best_point(outcome) for outcome in outcomes]
@@ -87,23 +148,41 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     row("x [mm]", f"{1e3 * start.translation[0]:.3f}", lambda e: f"{1e3 * e.position[0]:.3f}")
     row("y [mm]", f"{1e3 * start.translation[1]:.3f}", lambda e: f"{1e3 * e.position[1]:.3f}")
     row("z [mm]", f"{1e3 * start.translation[2]:.3f}", lambda e: f"{1e3 * e.position[2]:.3f}")
-    row("deviation x, y [mm]", "", lambda e: f"{1e3 * np.hypot(*e.deviation[:2]):.3f}")
-    row("deviation -z [mm]", "", lambda e: f"{-1e3 * e.deviation[2]:.3f}")
+    if details:
+        row("deviation x, y [mm]", "", lambda e: f"{1e3 * np.hypot(*e.deviation[:2]):.3f}")
+        row("deviation -z [mm]", "", lambda e: f"{-1e3 * e.deviation[2]:.3f}")
     commanded_tilt = tilt_of_matrices(start.rotation.as_matrix())
     row("tilt [°]", f"{np.degrees(commanded_tilt):.3f}", lambda e: f"{np.degrees(e.tilt):.3f}")
-    row("about y [°]", f"{np.degrees(euler(start.rotation)[1]):.3f}", lambda e: f"{np.degrees(e.euler[1]):.3f}")
+    if details:
+        row("about y [°]", f"{np.degrees(euler(start.rotation)[1]):.3f}", lambda e: f"{np.degrees(e.euler[1]):.3f}")
     table.add_section()
     for cable in range(robot.cables):
-        row(f"tension {cable + 1} [N]", "", lambda e, c=cable: SLACK if e.slack[c] else f"{e.tensions[c]:.4f}")
-    row("slack cables", "", lambda e: f"{int(e.slack.sum())} of {robot.cables}")
+        slack = next((bool(one.slack[cable]) for one in outcomes if isinstance(one, Equilibrium)), False)
+        table.row(
+            f"tension {cable + 1} [N]{f', {SLACK}' if slack else ''}",
+            "",
+            *(_tension(outcome, cable, slack=slack) for outcome in outcomes),
+        )
+    if details:
+        row("slack cables", "", lambda e: f"{int(e.slack.sum())} of {robot.cables}")
     if any(point is not None and point.overloaded.any() for point in points):
         row("overloaded cables", "", lambda e: f"{int(e.overloaded.sum())} of {robot.cables}")
     table.add_section()
-    row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
-    row("iterations", "", lambda e: str(e.iterations))
+    if details:
+        row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
+        row("iterations", "", lambda e: str(e.iterations))
     stabilities = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes)
     table.add_row("equilibrium", "", *stabilities)
     return table
+
+
+def _tension(outcome: Outcome, cable: int, *, slack: bool) -> str:
+    """A tension; with a word where an equilibrium differs from the label of its row."""
+    point = best_point(outcome)
+    if point is None:
+        return ""
+    differs = isinstance(outcome, Equilibrium) and point.slack[cable] != slack
+    return f"{('taut' if slack else SLACK) + ' ' if differs else ''}{point.tensions[cable]:.4f}"
 
 
 def problem_table(problem: Problem) -> Table:
@@ -170,10 +249,11 @@ def overload_notes(equilibrium: Equilibrium) -> list[str]:
     ]
 
 
-def verdict_sentence(agreement: Agreement) -> str:
-    """The verdict as a sentence."""
+def verdict_sentence(agreement: Agreement, equilibrium: Equilibrium | None = None) -> str:
+    """The verdict as a sentence, with the stability of an equilibrium."""
     text = agreement.verdict.value
-    return f"[bold {'green' if agreement.agrees else 'red'}]{text[0].upper() + text[1:]}.[/]"
+    also = "" if equilibrium is None else f" {equilibrium.stability.name.capitalize()} equilibrium."
+    return f"[bold {'green' if agreement.agrees else 'red'}]{text[0].upper() + text[1:]}.[/]{also}"
 
 
 def verdict(agreement: Agreement) -> str:

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.analysis.clearance import Clearances
-from cdpr_sim.crosscheck.layout_validation import LayoutValidation
+from cdpr_sim.crosscheck.layout_validation import WORSE, LayoutValidation
 from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.report.table_style import new_table
@@ -35,7 +35,7 @@ def numbers_table(result: LayoutResult, numbers: Sequence[tuple[str, str, str]])
     title = f"{result.given.name}: {result.objective.name}, {result.layouts_evaluated:,} layouts evaluated"
     table = new_table(title, "", "before", "after")
     for row in numbers:
-        table.add_row(*map(escape, row))
+        table.add_row(*map(escape, row), style="yellow" if row[-1].endswith(WORSE) else "")
     return table
 
 
@@ -84,5 +84,5 @@ def design_json(validation: LayoutValidation) -> dict[str, Any]:
         "layouts_evaluated": result.layouts_evaluated,
         "generations": len(result.history),
         "message": result.message,
-        "warnings": list(result.warnings),
+        "warnings": [*validation.side_effects, *result.warnings],
     }

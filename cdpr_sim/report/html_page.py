@@ -397,7 +397,9 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
         if settled is None:
             label = ""
         else:
-            label = crosscheck_tables.SLACK if slack else newtons(float(f"{settled.tensions[cable]:.3g}"))
+            tension = settled.tensions[cable]
+            label = newtons(float(f"{tension:.3g}")) if tension or not slack else ""
+            label = crosscheck_tables.tension_cell(label, slack=slack).strip()
         cables.append({"curve": _rounded(curve), "slack": slack, "label": label})
     return {
         "description": _description(robot, view),

@@ -72,8 +72,8 @@ def _equilibrium(equilibrium: Equilibrium) -> Content:
 def _compensation_check(verification: CompensationCheck) -> Content:
     compensation, settled = verification.compensation, verification.settled_from_compensated
     after = [one for one in (compensation.equilibrium, settled) if one is not None]
-    yield analysis.compensation_table(compensation, [], after)
     yield analysis.compensation_verdict(compensation, verification)
+    yield analysis.compensation_table(compensation, [], after)
 
 
 def _load_path(path: LoadPath) -> Content:
@@ -89,21 +89,21 @@ _CONTENT: dict[type, Callable[[Any], Content]] = {
     EquilibriumBatch: lambda equilibria: [batch_table(equilibria)],
     Trajectory: lambda motion: [trajectory_table(motion), "cdpr_sim.show(trajectory) plays it."],
     Agreement: lambda agreement: [
-        crosscheck.agreement_table(agreement),
         crosscheck.verdict_sentence(agreement),
         *map(html.plain, agreement.reasons),
+        crosscheck.agreement_table(agreement),
     ],
-    Check: lambda check: [workspace_tables.check_table(check.dataset), *workspace_tables.check_lines(check)],
+    Check: lambda check: [*workspace_tables.check_lines(check), workspace_tables.check_table(check.dataset)],
     Compensation: lambda found: [
-        analysis.compensation_table(found, [], [found.equilibrium]),
-        analysis.compensation_lengths(found),
         analysis.compensation_verdict(found),
+        analysis.compensation_lengths(found),
+        analysis.compensation_table(found, [], [found.equilibrium]),
     ],
     CompensationCheck: _compensation_check,
     Modes: lambda modes: [analysis.modes_table(modes)],
     Sensitivity: lambda answer: [
-        analysis.sensitivity_table(answer, answer.effects()[:EFFECTS]),
         analysis.sensitivity_note(answer),
+        analysis.sensitivity_table(answer, answer.effects()[:EFFECTS]),
     ],
     Equilibria: lambda found: [analysis.equilibria_table(found), analysis.equilibria_note(found)],
     Certificate: lambda proof: [proof_tables.certificate_table([proof]), *proof_tables.reasons([proof])],
@@ -114,11 +114,14 @@ _CONTENT: dict[type, Callable[[Any], Content]] = {
     LoadPath: _load_path,
     Clearances: lambda clearances: [design.clearance_table(clearances)],
     Identification: lambda found: [analysis.identification_table(found), analysis.identification_note(found)],
-    LayoutResult: lambda result: [design.changes_table(result), html.plain(str(result))],
+    LayoutResult: lambda result: [
+        html.plain(str(result)),
+        *([design.changes_table(result)] if result.better else []),
+    ],
     Front: lambda front: [design.front_table(front)],
     LayoutValidation: lambda validation: [
-        design.changes_table(validation.layout),
         *map(html.plain, validation.sentences),
+        design.changes_table(validation.layout),
     ],
     Hull: lambda hull: [workspace_tables.hull_table(hull)],
 }

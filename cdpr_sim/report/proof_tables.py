@@ -11,11 +11,26 @@ from rich.table import Table
 
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria
-from cdpr_sim.report.crosscheck_tables import SLACK, heading, platform_and_cables
+from cdpr_sim.report.crosscheck_tables import heading, platform_and_cables, tension_cell
 from cdpr_sim.report.table_style import new_table
 
 MOST_DIGITS = 15
 """Largest number of digits printed of a proved value."""
+
+
+def certificate_lead(proofs: Sequence[Certificate]) -> str:
+    """Line that comes first: what is proved of the equilibria of which methods."""
+    names = [heading(one.equilibrium) for one in proofs if one.proved]
+    if len(names) < len(proofs):
+        return f"[bold red]Proved: {' and '.join(names) or 'no equilibrium'}, of {len(proofs)} methods.[/]"
+    first = proofs[0]
+    whose = " and ".join(names)
+    return (
+        f"[bold green]Proved:[/] the equilibria of {whose} exist, locally unique, {describe_stability(first)}, "
+        f"{describe_slack(first)} cables slack; their errors are at most "
+        f"{_bound(1e3 * max(one.position_error for one in proofs))} mm and "
+        f"{_bound(max(one.tension_error for one in proofs))} N."
+    )
 
 
 def certificate_table(proofs: Sequence[Certificate]) -> Table:
@@ -29,7 +44,7 @@ def certificate_table(proofs: Sequence[Certificate]) -> Table:
         table.row(f"{'xyz'[axis]} [mm]", *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (SLACK if one.slack[cable] else _interval(one.tensions[:, cable], one.exists) for one in proofs)
+        cells = (tension_cell(_interval(one.tensions[:, cable], one.exists), slack=one.slack[cable]) for one in proofs)
         table.row(f"tension {cable + 1} [N]", *cells)
     table.add_section()
     table.add_row("equilibrium", *("exists, unique" if one.exists else "[red]not proved[/]" for one in proofs))

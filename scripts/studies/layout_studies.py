@@ -38,7 +38,7 @@ def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -
     robot, move = load_robot("parallel"), Move("exits", FRAME_TOP)
     return [
         validate_layout(
-            find_layout(robot, LINE, move=move, subject_to={"displacement": reach}, generations=generations)
+            find_layout(robot, LINE, move=move, subject_to={"points moved": reach}, generations=generations)
         )
         for reach in reaches
     ]
