@@ -19,7 +19,7 @@ from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report.crosscheck_tables import SLACK, heading, overload_notes
+from cdpr_sim.report.crosscheck_tables import heading, overload_notes, tension_cell
 from cdpr_sim.report.table_style import new_table
 
 
@@ -52,7 +52,7 @@ def compensation_table(
     table.row("tilt [°]", *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (SLACK if point.slack[cable] else f"{point.tensions[cable]:.3f}" for point in results.values())
+        cells = (tension_cell(point.slack[cable], f"{point.tensions[cable]:.3f}") for point in results.values())
         table.row(f"tension {cable + 1} [N]", *cells)
     if any(point.overloaded.any() for point in results.values()):
         counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
@@ -112,6 +112,8 @@ def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
 
 def sensitivity_note(answer: Sensitivity) -> str:
     """Range in which the derivatives are valid."""
+    if answer.margin == np.inf:
+        return "Valid near the equilibrium: cables with mass become slack or taut without a jump of the derivatives."
     return (
         "Valid while the set of taut cables does not change: the cable closest to a change is "
         f"{1e3 * answer.margin:.3g} mm of length away from it."

@@ -22,6 +22,7 @@ Outcome = Equilibrium | NotConverged | NotSettled
 """Outcome of a method: an equilibrium, or the exception with its best point."""
 
 SLACK = "slack"
+"""Of a cable, in place of a tension of 0, or before its tension."""
 
 HEADINGS = {
     "mujoco": "MuJoCo",
@@ -41,6 +42,13 @@ def best_point(outcome: Outcome) -> Equilibrium | None:
 def heading(point: Equilibrium | EquilibriumBatch | None) -> str:
     """Column heading of a result, by its source."""
     return "" if point is None else HEADINGS.get(point.source, point.source)
+
+
+def tension_cell(slack: bool | None, tension: str) -> str:
+    """A cable's tension, marked if it is slack; a slack cable with mass has a tension, which is shown."""
+    if not slack:
+        return tension
+    return f"{SLACK} {tension}" if any(digit in tension for digit in "123456789") else SLACK
 
 
 def platform_and_cables(robot: Robot) -> str:
@@ -94,7 +102,7 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     row("about y [°]", f"{np.degrees(euler(start.rotation)[1]):.3f}", lambda e: f"{np.degrees(e.euler[1]):.3f}")
     table.add_section()
     for cable in range(robot.cables):
-        row(f"tension {cable + 1} [N]", "", lambda e, c=cable: SLACK if e.slack[c] else f"{e.tensions[c]:.4f}")
+        row(f"tension {cable + 1} [N]", "", lambda e, c=cable: tension_cell(e.slack[c], f"{e.tensions[c]:.4f}"))
     row("slack cables", "", lambda e: f"{int(e.slack.sum())} of {robot.cables}")
     if any(point is not None and point.overloaded.any() for point in points):
         row("overloaded cables", "", lambda e: f"{int(e.overloaded.sum())} of {robot.cables}")
@@ -148,7 +156,7 @@ def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
     if len(neutral):
         directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
         notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")
-    for cable in np.flatnonzero((robot.reeving > 1) & ~equilibrium.slack):
+    for cable in np.flatnonzero((robot.reeving > 1) & (equilibrium.pulls > 0)):
         notes.append(
             f"Cable {cable + 1}: its {robot.reeving[cable]} parts of line pull with {equilibrium.pulls[cable]:.4g} N."
         )

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria
-from cdpr_sim.report.crosscheck_tables import SLACK, heading, platform_and_cables
+from cdpr_sim.report.crosscheck_tables import heading, platform_and_cables, tension_cell
 from cdpr_sim.report.table_style import new_table
 
 MOST_DIGITS = 15
@@ -29,7 +29,7 @@ def certificate_table(proofs: Sequence[Certificate]) -> Table:
         table.row(f"{'xyz'[axis]} [mm]", *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (SLACK if one.slack[cable] else _interval(one.tensions[:, cable], one.exists) for one in proofs)
+        cells = (tension_cell(one.slack[cable], _interval(one.tensions[:, cable], one.exists)) for one in proofs)
         table.row(f"tension {cable + 1} [N]", *cells)
     table.add_section()
     table.add_row("equilibrium", *("exists, unique" if one.exists else "[red]not proved[/]" for one in proofs))
