@@ -44,7 +44,7 @@ def heading(point: Equilibrium | EquilibriumBatch | None) -> str:
     return "" if point is None else HEADINGS.get(point.source, point.source)
 
 
-def tension_cell(slack: bool | None, tension: str) -> str:
+def tension_cell(slack: bool | np.bool_ | None, tension: str) -> str:
     """A cable's tension, marked if it is slack; a slack cable with mass has a tension, which is shown."""
     if not slack:
         return tension
