@@ -111,3 +111,10 @@ def random_robot(seed: int, stiffest: float = 1e7) -> tuple[cdpr.Robot, np.ndarr
     robot = cdpr.Robot(exits, anchors, 1.0, 10 ** random.uniform(-1, 2), mobility="planar" if planar else "spatial")
     stiffness = 10 ** random.uniform(3, np.log10(stiffest), cables if random.random() < 0.5 else 1)
     return robot.replace(axial_stiffness=stiffness * np.ones(cables) * robot.rest_lengths(position)), position, random
+
+
+def garage_crane(**changes) -> cdpr.Robot:
+    """``cogiro``, five times as wide and six times as high, with 20 kg on 4 mm steel rope of 0.064 kg/m."""
+    small = cdpr.load_robot("cogiro")
+    given = dict(axial_stiffness=6.5e5, mass=20.0, linear_density=0.064, name="garage") | changes
+    return cdpr.Robot(small.exits * [5, 8, 6], small.anchors * 5, **given)

@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from sample_problems import garage_crane
 from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
@@ -53,6 +54,22 @@ def test_cable_at_its_rest_length_counts_as_slack_or_taut(pair, beyond, same):
     agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions, lengths=lengths))
     assert agreement.same_slack is same
     assert agreement.agrees == same
+
+
+@pytest.mark.parametrize(("beyond", "same"), [(0.5, True), (3.0, False)])
+def test_cable_with_mass_that_pulls_by_the_limit_of_slackness_counts_as_slack_or_taut(beyond, same):
+    """Within 1e-6 of the load both are right; three times further one of the methods is wrong."""
+    robot = garage_crane(linear_density=2.0)
+    static, settled = cdpr.solve(robot, (1.5, 1.5, 0.3)), cdpr.settle(robot, (1.5, 1.5, 0.3))
+    assert cdpr.compare(static, settled).same_slack
+    cable, away = int(np.flatnonzero(static.slack)[0]), beyond * 1e-6 * robot.weight
+    loads = [one.tensions.copy() for one in (static, settled)]
+    limit = robot.cable_weights[cable] * static.rest_lengths[cable]
+    loads[0][cable], loads[1][cable] = limit - away, limit + away
+    agreement = cdpr.compare(
+        dataclasses.replace(static, tensions=loads[0]), dataclasses.replace(settled, tensions=loads[1])
+    )
+    assert agreement.same_slack is same
 
 
 def test_two_stable_equilibria_are_different_and_no_disagreement(catalogue):

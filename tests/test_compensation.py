@@ -332,6 +332,7 @@ def test_cables_with_mass_are_compensated(catalogue, prefer, beside):
     found = cdpr.compensate(robot, pose, prefer=prefer)
     assert found.exact
     assert (found.tensions >= found.tension_limits[0] * (1 - 1e-9)).all()
+    assert not found.equilibrium.slack.any()
     assert np.abs(cdpr.solve(robot, pose, found.rest_lengths).position - pose).max() < 1e-9
     massless = cdpr.compensate(robot.replace(linear_density=0.0), pose)
     assert np.abs(cdpr.solve(robot, pose, massless.rest_lengths).position - pose).max() > 1e-5

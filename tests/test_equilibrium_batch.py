@@ -7,10 +7,17 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from sample_problems import garage_crane
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.pose import Pose
+from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.design.constraints import ALL_TAUT
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
+from cdpr_sim.statics.forces import equilibrium_at
+from cdpr_sim.statics.profiles import profiles
 
 METHODS = {
     "newton": (cdpr.solve, cdpr.solve_many, cdpr.NotConverged),
@@ -210,17 +217,81 @@ def test_values_are_frozen_and_so_are_their_copies(catalogue, make):
             assert not array.flags.writeable, name
 
 
-def test_a_heavy_cable_is_slack_where_it_is_longer_than_its_way(catalogue):
-    """It always pulls by its weight: what says so is its length; of massless cables, the tension."""
+@pytest.mark.parametrize("density", [1e-3, 1e-6, 1e-9])
+def test_light_cables_are_slack_where_massless_ones_are(catalogue, density):
+    """By both methods, however light; negative control: with their own weight alone as the limit, half of them."""
     light = catalogue["parallel"]
     slack = cdpr.solve(light, TILTED).slack
-    heavy = light.replace(linear_density=1e-4)
-    found = cdpr.solve_many(heavy, [TILTED])
-    assert (found.tensions > 0).all()
+    assert slack.sum() == 4
+    robot = light.replace(linear_density=density)
+    found = cdpr.solve_many(robot, [TILTED])
+    for one in (found[0], cdpr.settle(robot, TILTED)):
+        np.testing.assert_array_equal(one.slack, slack)
     np.testing.assert_array_equal(found.slack[0], slack)
-    np.testing.assert_array_equal(found[0].slack, slack)
-    np.testing.assert_array_equal(found[0].slack, found[0].lengths <= found[0].rest_lengths)
-    assert 0 < slack.sum() < 8
+    by_weight = (found.lengths <= found.rest_lengths) & (found.tensions <= robot.cable_weights * found.rest_lengths)
+    assert by_weight.sum() == 2
+
+
+@pytest.mark.parametrize("rest_length", [1.050, 1.052])
+def test_a_level_cable_is_slack_from_a_seventh_of_its_span_of_sag_on(rest_length):
+    """Under its own weight at both ends it leaves them at 30°, so it sags by (2/sqrt 3 - 1)/ln 3 and is 1.0510 long.
+
+    Irvine, Cable Structures, 1981, chapter 1; the length is the tangent, 1/sqrt 3, over its arsinh, ln(3)/2.
+    """
+    robot = cdpr.Robot(
+        [[0, 0, 1]], [[0, 0, 0]], 1e9, 1.0, linear_density=1.0, gravity=10.0, platform_size=(0.1, 0.1, 0.1)
+    )
+    there = Pose(np.array([1.0, 0, 1]), np.eye(3))
+    one = equilibrium_at(cdpr.Problem.of(robot, there, [rest_length]), there, iterations=0, source="newton")
+    assert one.slack[0] == (rest_length > 2 / np.sqrt(3) / np.log(3))
+    weights = robot.cable_weights
+    curve = profiles(robot, robot.exits, there.position[None], one.rest_lengths, robot.axial_stiffness, weights, 101)
+    sag = np.ptp(curve[..., 2])
+    assert sag == pytest.approx((2 / np.sqrt(3) - 1) / np.log(3), abs=2e-3)
+    assert one.slack[0] == (sag > (2 / np.sqrt(3) - 1) / np.log(3))
+
+
+@pytest.mark.parametrize(
+    ("to", "rest_length", "pulls", "slack"),
+    [
+        ((4.7, 0, 3), 4.7 * (1 + 6e-5), (50, 60), False),  # a shallow catenary of 3 N, longer than its path
+        ((0, 0, 0), 3 * (1 - 2.2e-6), (0.3, 0.6), False),  # plumb, stretched, with 0.5 N below 1.9 N of its own
+        ((0.5, 0, 3), 3.0, (0, 3), True),  # a hanging loop
+    ],
+    ids=["catenary", "plumb", "loop"],
+)
+def test_a_shallow_catenary_and_a_plumb_cable_are_taut_and_a_loop_is_slack(to, rest_length, pulls, slack):
+    """Steel of 4 mm and a platform of 2 kg: neither length nor tension alone says it."""
+    robot = cdpr.Robot([[0, 0, 3]], [[0, 0, 0]], 6.5e5, 2.0, linear_density=0.064, platform_size=(0.1, 0.1, 0.1))
+    there = Pose(np.array(to, dtype=float), np.eye(3))
+    one = equilibrium_at(cdpr.Problem.of(robot, there, [rest_length]), there, iterations=0, source="newton")
+    assert pulls[0] < one.tensions[0] < pulls[1]
+    assert one.slack[0] == slack
+
+
+def test_no_cable_of_a_crane_on_steel_rope_is_slack_because_it_sags():
+    """By both methods; all parts of line count together; about half of the cables are longer than their paths."""
+    for robot in (garage_crane(), garage_crane().replace(reeving=2, winch_to_exit=3.0)):
+        poses = np.random.default_rng(0).uniform(*robot.workspace, (20, 3))
+        for found in (cdpr.solve_many(robot, poses), cdpr.settle_many(robot, poses)):
+            assert found.converged.all()
+            assert (found.lengths <= found.rest_lengths).sum() > 20
+            assert not found.slack.any()
+
+
+def test_each_layout_and_each_mass_of_a_batch_has_its_own_limit_of_slackness():
+    """Heavier ropes in the second layout are slack; in a batch of masses, each row is as its single equilibrium."""
+    robot = garage_crane()
+    heavy = robot.replace(linear_density=2.0)
+    layouts = solve_layouts(RobotBatch.of([robot, heavy]), Cases.of(robot, [(1.5, 1.5, 0.3)]), 1)
+    counts = [cdpr.solve(one, (1.5, 1.5, 0.3)).slack.sum() for one in (robot, heavy)]
+    assert layouts.slack.sum((1, 2)).tolist() == counts
+    assert counts[0] == 0 < counts[1]
+    assert (ALL_TAUT.violation(layouts) > 0).tolist() == [False, True]
+    masses = cdpr.solve_many(robot, [(1.2, 1.2, 1.0)], mass=np.array([[5.0], [500.0]]))
+    for row, mass in enumerate((5.0, 500.0)):
+        single = cdpr.solve(robot.replace(mass=mass), (1.2, 1.2, 1.0))
+        np.testing.assert_array_equal(masses.slack[row, 0], single.slack)
 
 
 def test_what_an_equilibrium_says_of_itself_is_in_degrees(catalogue):

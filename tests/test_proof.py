@@ -9,7 +9,7 @@ from decimal import ROUND_FLOOR
 
 import numpy as np
 import pytest
-from sample_problems import symmetric_pair
+from sample_problems import garage_crane, symmetric_pair
 from scipy.spatial.transform import RigidTransform, Rotation
 from test_any_cable import ENDS, Cables, misses
 from test_cli_answers import row, run
@@ -340,21 +340,21 @@ def test_a_wrong_property_is_not_proved(case, name):
     assert not faulty(found, problem=problem).proved
 
 
-@pytest.mark.parametrize("case", ["plain", "mass on some"])
+@pytest.mark.parametrize("case", ["plain", "mass on some", "slack with mass"])
 def test_a_taut_cable_that_is_called_slack_is_not_proved(case):
-    """And the sentence says which cable. Cables with mass are called slack by their lengths."""
-    found = cdpr.solve(problem_of(case))
+    """And the sentence says which cable. Those with mass are called so by their lengths and their tensions."""
+    heavy = cdpr.Problem.of(garage_crane(linear_density=2.0), (1.5, 1.5, 0.3))
+    found = cdpr.solve(heavy if case == "slack with mass" else problem_of(case))
+    assert found.slack.any() == (case == "slack with mass")
+    assert cdpr.certify(found).slack == tuple(found.slack)
     for cable in range(8):
-        if case == "plain":
-            wrong = found.tensions.copy()
-            wrong[cable] = 0.0 if wrong[cable] else 1e-9
-            proof = faulty(found, tensions=wrong)
-        else:
-            wrong = found.lengths.copy()
-            wrong[cable] = found.rest_lengths[cable] + (1e-9 if found.slack[cable] else -1e-9)
-            proof = faulty(found, lengths=wrong)
+        tensions, lengths = found.tensions.copy(), found.lengths.copy()
+        tensions[cable] = 0.0 if not found.slack[cable] else found.tensions[cable] + 1e-9
+        lengths[cable] = found.rest_lengths[cable] + (1e-9 if found.slack[cable] else -1e-9)
+        proof = faulty(found, tensions=tensions, lengths=lengths)
         assert not proof.proved
-        assert any(f"cable {cable + 1}" in reason for reason in proof.reasons)
+        words = ("slack", "taut") if found.slack[cable] else ("taut", "slack")
+        assert f"cable {cable + 1} is {words[0]}, and the equilibrium calls it {words[1]}" in proof.reasons
 
 
 def test_wrong_tensions_are_not_proved(solved):

@@ -98,7 +98,7 @@ def test_a_frames_numbers_are_the_states(written):
 
 
 def test_bars_are_as_high_as_tensions():
-    """A quarter and the whole of the scale; a slack cable's is an empty frame of its own colour."""
+    """A quarter and the whole of the scale; a slack cable's has a frame of its own colour, empty without mass."""
     of = a_page()
     frame = a_frame(of, [0.0, 0.5, 2.0, 0.0], [True, False, False, True])
     chart = of._chart(of.cells[0].bars)
@@ -108,6 +108,8 @@ def test_bars_are_as_high_as_tensions():
     assert filled[1] == pytest.approx(0.25, abs=0.06)
     assert filled[2] == pytest.approx(1.0, abs=0.02)
     assert max(filled[0], filled[3]) < 0.5  # the frame's two lines, and the word along it
+    heavy = a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, True])[chart.top : chart.bottom, middles[3] + 12]
+    assert (np.abs(heavy - paper).max(1) > 60).mean() == pytest.approx(0.5, abs=0.06)
     edge = frame[(chart.top + chart.bottom) // 2, chart.left : middles[0]].astype(int)
     assert np.abs(edge - frame_layout._rgb(style.SLACK_COLOR)).max(1).min() == 0
 

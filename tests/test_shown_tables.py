@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from rich.console import Console
+from sample_problems import garage_crane
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import t
 
@@ -33,7 +34,17 @@ from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRob
 from cdpr_sim.design.layout_result import Change, LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, robot_tables, workspace_tables
+from cdpr_sim.report import (
+    analysis_tables,
+    as_json,
+    crosscheck_tables,
+    design_tables,
+    html_page,
+    proof_tables,
+    robot_tables,
+    workspace_tables,
+)
+from cdpr_sim.studies.robot_summary import View
 from studies.checked_lines import line_table
 
 COMMANDED = (0.4, 0.25, 0.2)
@@ -246,6 +257,23 @@ def compensation(**changes) -> Compensation:
         distance=0.0123, arm=0.055, reasons=("so it is",), tension_limits=np.ones((2, 8)), reached=None,
     )  # fmt: skip
     return Compensation(**(values | changes))
+
+
+def test_the_tension_of_a_slack_cable_with_mass_is_shown():
+    """By settle, certify and compensate, and in the report's picture; of a slack cable without mass the word alone."""
+    robot, pose = garage_crane(linear_density=2.0), (1.5, 1.5, 0.3)
+    problem, one = cdpr.Problem.of(robot, pose), cdpr.solve(robot, pose)
+    cable = int(np.flatnonzero(one.slack)[0])
+    tension, row = one.tensions[cable], f"tension {cable + 1} [N]"
+    assert cells(printed(crosscheck_tables.settle_table(problem, [one])), row, 2) == ["slack", f"{tension:.4f}"]
+    found = printed(analysis_tables.compensation_table(compensation(), [one], [one]))
+    assert cells(found, row, 4) == ["slack", f"{tension:.3f}"] * 2
+    proved = cells(printed(proof_tables.certificate_table([cdpr.certify(one)])), row, 2)
+    assert proved[0] == "slack"
+    assert float(proved[1]) == pytest.approx(tension)
+    view = View(problem, one, one, None, cdpr.cable_profiles(cdpr.solve_many(robot, [pose]))[0])
+    assert html_page._drawn(robot, view)["cables"][cable]["label"] == f"slack {tension:.3g} N"
+    assert as_json.solution(one)["tensions"][cable] == tension
 
 
 def test_compensation_shows_errors_in_millimetres_and_degrees_by_method():

@@ -35,6 +35,7 @@ from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.slack import slack_limits
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
 from cdpr_sim.statics.given_tensions import cut
@@ -48,6 +49,10 @@ _Start = tuple[Float[np.ndarray, "6"], Float[np.ndarray, " cables"]]
 TAUT = 0.01
 """Default lower limit of tension, as a fraction of the load (or, without one, of the scale of forces): keeps
 every cable taut, so that each one contributes stiffness."""
+
+ABOVE_SLACK = 1.1
+"""Default lower limit of tension of a cable with mass, in ``slack_limits`` by the length of its path: a level rope
+with it is 1.045 times as long, and its weight just as much more, so that it is not slack."""
 
 HELD = 1e-3
 """Least stiffness that counts as stable, in loads per characteristic length: with less, a thousandth of the load moves
@@ -252,7 +257,8 @@ def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Floa
     most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
     most = np.maximum(most, MOST_LOADS * problem.load)
     upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
-    taut = np.maximum(TAUT * problem.force_scale, robot.cable_weights / robot.reeving * problem.rest_lengths)
+    taut = np.where(robot.cable_weights > 0, ABOVE_SLACK * slack_limits(problem) / robot.reeving, 0.0)
+    taut = np.maximum(TAUT * problem.force_scale, taut)
     lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(taut, upper))
     return lower, upper
 

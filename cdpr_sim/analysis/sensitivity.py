@@ -4,7 +4,7 @@ At equilibrium the net wrench F(x, θ) vanishes, so that by the implicit functio
 
     ∂x/∂θ = −(∂F/∂x)⁻¹ ∂F/∂θ,    dtau/dθ = ∂tau/∂θ + ∂tau/∂x ∂x/∂θ,
 
-exactly, as long as the same cables stay taut.
+exactly, as long as the same cables without mass stay taut.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Sensitivity(HtmlRepr):
         equilibrium: the equilibrium.
         pose: derivatives of (translation [m], left-applied rotation vector [rad]), each (6, parameters).
         tensions: derivatives of the tensions [N], each (cables, parameters).
-        margin: smallest distance of a cable from changing between slack and taut [m of its length]: beyond it the
-            derivatives change.
+        margin: smallest distance of a cable without mass from its rest length [m]: there it becomes slack or taut, and
+            the derivatives jump. Infinite if all cables have mass: their tensions are smooth functions of the pose.
     """
 
     equilibrium: Equilibrium
@@ -113,8 +113,11 @@ class Sensitivity(HtmlRepr):
 
     def __repr__(self) -> str:
         numbers = sum(matrix.shape[1] for matrix in self.pose.values())
+        name = self.equilibrium.problem.robot.name
+        if self.margin == np.inf:
+            return f"<Sensitivity of {name!r} to {numbers} numbers>"
         return (
-            f"<Sensitivity of {self.equilibrium.problem.robot.name!r} to {numbers} numbers; "
+            f"<Sensitivity of {name!r} to {numbers} numbers; "
             f"a cable goes slack or taut within {1e3 * self.margin:.3g} mm of its length>"
         )
 
@@ -161,7 +164,8 @@ def sensitivity(
         step[free] = -np.linalg.solve(slope, by_parameter[name][free])
         poses[name] = step
         tensions[name] = tension_by[name] + by_pose @ step
-    margin = float(np.abs(equilibrium.lengths - equilibrium.rest_lengths).min())
+    gaps = np.abs(equilibrium.lengths - equilibrium.rest_lengths)
+    margin = float(gaps.min(where=problem.cable_weights == 0, initial=np.inf))
     return Sensitivity(equilibrium, poses, tensions, margin)
 
 

@@ -191,13 +191,13 @@ def _least_norm(demand: Demand, gains: list[Array], least: list[float]) -> Float
     h = np.concatenate([demand.lower, -demand.upper[finite], least])
     sizes = np.linalg.norm(G, axis=1)
     G, h = G / sizes[:, None], h / sizes
-    slacks = (h - G @ start) / scale
-    if (slacks <= BALANCED).all():
+    violations = (h - G @ start) / scale
+    if (violations <= BALANCED).all():
         return np.clip(start, demand.lower, demand.upper)
     N = null_space(W)
     if not N.size:
         return None
-    program = np.vstack([(G @ N).T, slacks])
+    program = np.vstack([(G @ N).T, violations])
     target = np.append(np.zeros(N.shape[1]), 1.0)
     multipliers, distance = nnls(program, target)  # pyright: ignore[reportAssignmentType]
     rest = np.asarray(program @ multipliers) - target

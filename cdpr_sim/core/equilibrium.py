@@ -17,6 +17,7 @@ from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Posed, PoseField
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.slack import slack_cables
 from cdpr_sim.core.status import NEUTRAL, Status
 
 
@@ -61,7 +62,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
     Attributes:
         problem: the problem.
         pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are its plain arrays.
-        tensions: tensions of the ropes, (cables,) [N], 0 where slack; ``pulls`` are the forces on the platform.
+        tensions: tensions of the ropes at their anchors, (cables,) [N]; ``pulls`` are the forces on the platform.
         lengths: (cables,) [m].
         residual: largest unbalanced force [N] over the free directions, torques divided by the robot's
             characteristic length; 0 at equilibrium.
@@ -107,10 +108,12 @@ class Equilibrium(_Held, Posed, HtmlRepr):
 
     @property
     def slack(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables are not stretched, (cables,): they carry no tension, except for their own weight."""
-        if self.problem.robot.cabling.massless:
-            return self.tensions <= 0
-        return self.lengths <= self.rest_lengths
+        """Which cables are slack, (cables,): not stretched, and pulling by at most their own weight.
+
+        Or by at most 1 % of the platform's weight, where that is more; a slack cable without mass has no tension
+        (``core.slack``).
+        """
+        return slack_cables(self.problem, self.lengths, self.tensions)
 
     @property
     def pulls(self) -> Float[np.ndarray, " cables"]:

@@ -18,6 +18,7 @@ from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.pose import Pose, euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.slack import slack_cables
 from cdpr_sim.core.status import Status
 
 
@@ -34,7 +35,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
             found.
         rotations: rotation matrices of the platform, (..., 3, 3).
         lengths: (..., cables) [m].
-        tensions: tensions of the ropes, (..., cables) [N], 0 where slack; ``pulls`` are the forces on the platform.
+        tensions: tensions of the ropes at their anchors, (..., cables) [N]; ``pulls`` are the forces on the platform.
         residuals: (...) largest unbalanced force [N], torques divided by the characteristic length.
         iterations: (...) Newton iterations, or time steps.
         status: (...) a ``Status`` each.
@@ -146,10 +147,8 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:
-        """(..., cables) which cables are not stretched: they carry no tension, except for their own weight."""
-        if self.robot.cabling.massless:
-            return self.tensions <= 0
-        return self.lengths <= self.rest_lengths
+        """(..., cables) which cables are slack, as ``Equilibrium.slack``."""
+        return slack_cables(self.problems, self.lengths, self.tensions)
 
     @cached_property
     def eigenvalues(self) -> Float[np.ndarray, "*batch free"]:

@@ -115,6 +115,11 @@ class Problem(Posed, HtmlRepr):
         return self.robot.mass
 
     @property
+    def cable_weights(self) -> Float[np.ndarray, " cables"]:
+        """``Robot.cable_weights``, (cables,) [N/m]."""
+        return self.robot.cable_weights
+
+    @property
     def center_of_mass(self) -> Float[np.ndarray, "3"]:
         """In the platform frame, (3,) [m]."""
         return self.robot.center_of_mass
@@ -398,6 +403,11 @@ class Problems(Frozen):
             ``Robot.cable_table``.
         """
         return (self.robots or self.robot).cable_table(self.axial_stiffness)
+
+    @property
+    def cable_weights(self) -> Float[np.ndarray, "*#batch cables"]:
+        """``Robot.cable_weights``, of all rows or of each robot [N/m]."""
+        return self.robot.cable_weights if self.robots is None else self.robots.cable_weights[:, None]
 
     @property
     def center_of_mass(self) -> Float[np.ndarray, "*batch 3"]:

@@ -584,10 +584,10 @@ def _checked_inertia(value: ArrayLike) -> Float[np.ndarray, "3 3"]:
         inertia = np.diag(inertia)
     inertia = checked_array("inertia", inertia, (3, 3))
     moments = np.linalg.eigvalsh((inertia + inertia.T) / 2)
-    slack = 1e-9 * np.abs(moments).max()
-    if not np.allclose(inertia, inertia.T, rtol=0, atol=slack):
+    margin = 1e-9 * np.abs(moments).max()
+    if not np.allclose(inertia, inertia.T, rtol=0, atol=margin):
         raise InvalidInput("inertia: found an unsymmetric matrix, expected a symmetric one")
-    if moments[0] <= 0 or moments[0] + moments[1] < moments[2] - slack:
+    if moments[0] <= 0 or moments[0] + moments[1] < moments[2] - margin:
         raise InvalidInput(
             f"inertia: found principal moments {np.array2string(moments, precision=3)} kg m², expected all positive "
             "and none larger than the sum of the other two"

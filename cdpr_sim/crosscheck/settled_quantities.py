@@ -21,7 +21,7 @@ from cdpr_sim.crosscheck.compare import compare_many
 QUANTITIES = {
     "settled_position": Quantity(("axis",), float, "m", "position of the platform's origin in MuJoCo"),
     "settled_rotation_vector": Quantity(("axis",), float, "rad", "rotation in MuJoCo, as axis times angle, base frame"),
-    "settled_tensions": Quantity(("cable",), float, "N", "cable tensions in MuJoCo, 0 where slack"),
+    "settled_tensions": Quantity(("cable",), float, "N", "cable tensions in MuJoCo, at the platform"),
     "settled_eigenvalues": Quantity(("mode",), float, "N m-1", "eigenvalues of the stiffness in MuJoCo, ascending"),
     "settled_residual": Quantity((), float, "N", "largest unbalanced force in MuJoCo"),
     "settled_steps": Quantity((), np.int32, "1", "time steps and Newton steps in MuJoCo"),

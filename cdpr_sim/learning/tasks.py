@@ -185,7 +185,7 @@ class Task:
             "fall": -1.0 * moment.fallen,
         }
         if self.weights["slack"]:
-            terms["slack"] = -(moment.tensions == 0).sum(1) / self.robot.cables
+            terms["slack"] = -(moment.tensions <= 0).sum(1) / self.robot.cables  # of cables without mass
         return terms
 
     # What is the same.

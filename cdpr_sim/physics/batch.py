@@ -243,7 +243,7 @@ class Simulations:
         return (self.springs * np.maximum(self._lengths - self.band[:, :, 1], 0)).sum(1) * self.unit
 
     @property
-    def slack(self) -> Bool[np.ndarray, "rows cables"]:
+    def unstretched(self) -> Bool[np.ndarray, "rows cables"]:
         """Which cables are within their dead band, as of MuJoCo's last call."""
         return (self._lengths >= self.band[:, :, 0]) & (self._lengths <= self.band[:, :, 1])
 
@@ -323,7 +323,7 @@ class Simulations:
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
         """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo after ``residuals``; direction of the smallest.
 
-        Central differences on the cables that are taut now: during the differencing these may push and slack ones have
+        Central differences on the cables that are stretched now: during the differencing these may push and others have
         no force, so that a displacement does not cross the kink of a cable that is stretched by less; and no element of
         a memory begins or ends to slide. The wheels follow the platform. Eigenvalues within the error of truncation,
         which is of the square of the largest rotation, are 0.
@@ -331,13 +331,13 @@ class Simulations:
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
         elements = self._elements.stiffnesses.copy()
         length = self._lengths
-        slack = self.slack
+        unstretched = self.unstretched
         self.band[:] = np.where(length > band[:, :, 1], band[:, :, 1], band[:, :, 0])[:, :, None]
         if self.step is not None:
             slopes, free = self.step.tangent(length - self.entries)
             self.springs[:], self.band[:] = slopes / self.unit, (free + self.entries)[:, :, None]
             self._elements.stiffnesses[:] = 0
-        self.springs[slack] = self.polynomials[slack] = 0
+        self.springs[unstretched] = self.polynomials[unstretched] = 0
         rest = self.qpos.copy()
         step = DIFFERENCE * (length - self.entries).mean(1)
         free = self.free

@@ -224,8 +224,8 @@ class _Parts:
         ranges = np.where(
             by_speed[:, None], model.actuator_actrange[self.winches], model.actuator_ctrlrange[self.winches]
         )
-        slack = BALANCED * np.abs(ranges).max(1)
-        beyond = (inputs < ranges[:, 0] - slack) | (inputs > ranges[:, 1] + slack)
+        margin = BALANCED * np.abs(ranges).max(1)
+        beyond = (inputs < ranges[:, 0] - margin) | (inputs > ranges[:, 1] + margin)
         if beyond.any():
             cable = int(np.argmax(beyond))
             longest, shortest = self.written[cable] / (1 + ranges[cable] / units[cable]) - self.shared[cable]

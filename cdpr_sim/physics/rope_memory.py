@@ -321,7 +321,7 @@ class RopeStep:
             strains = np.maximum(strains - step, 0.0)
 
     def stretches(self, lengths: PerCable) -> PerCable:
-        """e of cables of these ``lengths``, (rows, cables) [m]: what is not creep; 0 where slack."""
+        """e of cables of these ``lengths``, (rows, cables) [m]: what is not creep; 0 where not stretched."""
         beyond = np.maximum(lengths - self.taut, 0)
         if not (self.compliance.any() or self.beside.any()):
             return beyond
@@ -392,10 +392,10 @@ class RopeStep:
         gave_way = (self.cabling.hysteresis[..., 0] * (left - held[..., :hysteresis])).sum(-1)
         free = self.rest_lengths * self._strain(pulls + self.middle * gave_way)
         beyond = np.where(_friction(self.cabling) > 0, self.rest_lengths + stretches - free, self.rest_lengths)
-        slack = stretches <= 0
+        unstretched = stretches <= 0
         return Memory(
-            strains=np.where(slack[..., None], 0.0, (left - held[..., :hysteresis]) / self.ropes[..., None]),
-            beyond=np.where(slack, self.rest_lengths, beyond),
+            strains=np.where(unstretched[..., None], 0.0, (left - held[..., :hysteresis]) / self.ropes[..., None]),
+            beyond=np.where(unstretched, self.rest_lengths, beyond),
             creep=self.lasting + self.growing * pulls[..., None],
             tensions=tensions,
             time=np.nan,
@@ -433,15 +433,15 @@ class Elements:
             rows, (rows, cables).
         """
         stretches = step.stretches(tendons - entries)
-        springs, slack = step.springs(stretches), stretches <= 0
+        springs, unstretched = step.springs(stretches), stretches <= 0
         softer = step.softer(springs)
         shape = (int(rows.sum()), len(self.owners))
         yields = np.maximum(springs.bounds / softer[..., None], LEAST_YIELD)
-        stiffnesses = np.where(slack[..., None], 0.0, springs.elements * softer[..., None] / self._unit)
+        stiffnesses = np.where(unstretched[..., None], 0.0, springs.elements * softer[..., None] / self._unit)
         free = tendons[..., None] - springs.held / softer[..., None]
         self._yields[rows], self.stiffnesses[rows] = yields[rows].reshape(shape), stiffnesses[rows].reshape(shape)
         where = np.flatnonzero(rows)[:, None]
         self._plastic[where, self._lower] = self._plastic[where, self._lower + 1] = free[rows].reshape(shape)
         straight = ~(step.compliance.astype(bool) | step.curved)
         own = springs.slope * softer
-        return own / self._unit, np.where(slack | straight, step.taut + entries, tendons - springs.pull / own)
+        return own / self._unit, np.where(unstretched | straight, step.taut + entries, tendons - springs.pull / own)

@@ -94,7 +94,7 @@ class Balance:
 
         Args:
             x: (unknowns,), the pose's in metres.
-            taken_as: taut or slack, for cables whose length may be more or less than their rest length.
+            taken_as: stretched or not, for cables whose length may be more or less than their rest length.
         """
         n, turns, taken_as = self.free, slice(len(self.axes), self.free), taken_as or {}
         q, p, E = self.quaternion_at(x), self.position(x), self.tangents
@@ -109,7 +109,7 @@ class Balance:
             arm, own = R @ cable.anchor, slice(first, first + 3) if cable.has_mass else None
             pull = cable.pull(p + arm, None if own is None else x[own], taken_as.get(index))
             pulls.append(pull)
-            if pull.taut is False and own is None:
+            if pull.stretched is False and own is None:
                 continue
             turned, pulled = _cross(arm), _cross(pull.force)
             total, twist = total + pull.force, twist + arm @ pulled  # Σ F, Σ u × F

@@ -1,4 +1,4 @@
-"""The force of a cable on its anchor, in balls: its slope, and whether the cable is taut.
+"""The force of a cable on its anchor, in balls: its slope, and whether the cable is slack.
 
 The formulas are coded here again from their sources, and not imported from the solvers: a proof could not detect an
 error in shared code.
@@ -20,6 +20,9 @@ error in shared code.
 
   with δ = 2 artanh(w L/(T + T₁)), and T(x) = T_m cosh x + V_m sinh x, V = dT/dx, over an interval of the length δ.
 
+A cable without mass is slack if it is not stretched: its law has a kink there. One with mass is slack if it also pulls
+by at most max(w l0, 1 % of the platform's weight), and its law has no kink (the definition is that of ``core.slack``).
+
 Sections of another material would be further data of ``Cable``.
 """
 
@@ -33,6 +36,7 @@ import numpy as np
 
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.slack import SHARE
 from cdpr_sim.proof.balls import Ball, Balls, exact, middle, middles, norm, within, zeros
 
 LARGEST_A = 600.0
@@ -59,7 +63,8 @@ class Pull:
     Attributes:
         force: on the anchor, (3,) [N].
         slope: ∂force/∂anchor, (3, 3) [N/m]; 0 of a cable with mass, whose force is minus its unknowns and its weight.
-        taut: True where it is proved longer than its rest length, False where it is proved shorter, None otherwise.
+        stretched: True where it is proved longer than its rest length, False where it is proved shorter, None
+            otherwise.
         tension: of the rope, at the anchor [N].
         stretch: length minus rest length [m]; of a cable with mass, as if it had none.
         gap: from the anchor to the end of a cable with mass, (3,) [m].
@@ -68,7 +73,7 @@ class Pull:
 
     force: Balls
     slope: Balls
-    taut: bool | None
+    stretched: bool | None
     tension: Ball
     stretch: Ball
     gap: Balls | None = None
@@ -95,7 +100,9 @@ class Cable:
         self.has_mass = bool(cabling.linear_density[index] * problem.robot.gravity > 0)
         self.weight = self.parts * exact(cabling.linear_density[index]) * exact(problem.robot.gravity)
         self.massless = exact(problem.robot.wrapped_lengths[index])
-        self.no_slope = zeros(3, 3)  # of a slack cable
+        share = exact(SHARE) * exact(problem.mass) * exact(problem.robot.gravity)
+        self.slack_limit = share.max(self.weight * self.rest_length)
+        self.no_slope = zeros(3, 3)  # of a cable without mass that is not stretched
 
     def pull(self, at: Balls, unknowns: Balls | None = None, taken_as: bool | None = None) -> Pull:
         """Pull of the cable with its anchor at ``at``, base frame.
@@ -103,36 +110,45 @@ class Cable:
         Args:
             at: (3,) [m].
             unknowns: the tension vector where its weight begins, (3,) [N], for a cable with mass.
-            taken_as: taut or slack, for a cable whose length may be more or less than its rest length. By default force
-                and slope enclose both.
+            taken_as: stretched or not, for a cable whose length may be more or less than its rest length. By default
+                force and slope enclose both.
         """
         from_exit = at - self.exit
         if unknowns is None and not self.over_pulley:
             square = from_exit @ from_exit
             if square < self.rest_length * self.rest_length:
-                return self._slack(square.sqrt() - self.rest_length)
+                return self._no_pull(square.sqrt() - self.rest_length)
         length, along, curvature = self._path(from_exit)
         stretch = length - self.rest_length
-        taut = True if stretch > 0 else False if stretch < 0 else None
+        stretched = True if stretch > 0 else False if stretch < 0 else None
         if unknowns is not None:
             force = -unknowns - [0, 0, self._free_weight()]
             gap, compliance = self._end(unknowns, from_exit)
             if not length.is_finite():  # below the wheel
                 gap = np.full(3, length)
-            return Pull(force, self.no_slope, taut, norm(force) / self.parts, stretch, gap, compliance)
-        state = taken_as if taut is None else taut
+            return Pull(force, self.no_slope, stretched, norm(force) / self.parts, stretch, gap, compliance)
+        state = taken_as if stretched is None else stretched
         if state is False:
-            return self._slack(stretch, taut)
+            return self._no_pull(stretch, stretched)
         zero = self.no_slope[0, 0]
-        tension, stiffness = self._tension(stretch if taut else stretch.max(zero))
+        tension, stiffness = self._tension(stretch if stretched else stretch.max(zero))
         if state is None:
             tension, stiffness = tension.union(zero), stiffness.union(zero)
         pulled, stiffness = self.parts * tension, self.parts * self.parts * stiffness
         slope = -(stiffness * along[:, None] * along + pulled * curvature)
-        return Pull(-pulled * along, slope, taut, tension, stretch)
+        return Pull(-pulled * along, slope, stretched, tension, stretch)
 
-    def _slack(self, stretch: Ball, taut: bool | None = False) -> Pull:
-        return Pull(self.no_slope[0], self.no_slope, taut, self.no_slope[0, 0], stretch)
+    def _no_pull(self, stretch: Ball, stretched: bool | None = False) -> Pull:
+        return Pull(self.no_slope[0], self.no_slope, stretched, self.no_slope[0, 0], stretch)
+
+    def slack(self, pull: Pull) -> bool | None:
+        """Whether the cable is proved slack (True), or taut (False); None otherwise."""
+        if not self.has_mass:
+            return None if pull.stretched is None else not pull.stretched
+        beyond = self.parts * pull.tension - self.slack_limit
+        if pull.stretched or beyond > 0:
+            return False
+        return True if pull.stretched is False and beyond <= 0 else None
 
     def tension_near(self, at: np.ndarray) -> Balls:
         """Balls of radius 0 near the unknowns of a cable with mass with its anchor at ``at``; proves nothing."""
@@ -147,7 +163,7 @@ class Cable:
         return exact(root(miss, self._tension_start(from_exit), jac=True, tol=START).x)
 
     def _tension_start(self, from_exit: Balls) -> np.ndarray:
-        """Of a taut cable that pulls along its massless path; or of a slack one that hangs between points, linear."""
+        """Of a stretched cable that pulls along its massless path; or of one that hangs between points, linear."""
         rest, weight = middle(self.rest_length), middle(self.weight)
         hanging, span = middle(self._free_weight()), middles(from_exit)
         path, along, _ = self._path(from_exit)

@@ -5,12 +5,12 @@ Krawczyk's test: with the balance of forces F, its derivatives F', a box X about
     K(X) = x₀ − C F(x₀) + (1 − C F'(X)) (X − x₀);   K(X) inside X  ⇒  exactly one zero of F in X, and it lies in K(X)
 
 (Krawczyk 1969; Neumaier, Interval Methods for Systems of Equations, 1990, theorem 5.1.8), all in balls. It holds for
-F that is piecewise smooth, with an enclosure of F's generalised derivative: a cable that may be taut or slack
+F that is piecewise smooth, with an enclosure of F's generalised derivative: a cable that may be stretched or not
 contributes all slopes between the two.
 
 At a kink that is too stiff for that, by convexity: if F is strongly monotone with the constant mu on a sphere of radius
 r, and |F(x₀)| < mu r, F has exactly one zero in it, which is stable. F' − mu is positive definite if it is for every
-choice of taut and slack of the cables that may be either.
+choice of stretched or not of the cables that may be either.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ POLISH = 12
 """Newton steps in balls to the centre of the box. A good start needs two."""
 
 MOST_KINKS = 6
-"""Largest number of cables at their rest length for which every choice of taut and slack is tried."""
+"""Largest number of cables at their rest length for which both choices, stretched and not, are tried."""
 
 DIGITS = 30
 """Decimal digits of ``Certificate.decimals``, as far as they are proved: balls have 32."""
@@ -206,6 +206,8 @@ def enclose(balance: Balance) -> tuple[Enclosure | None, str]:
     if not all(math.isfinite(gap) for gap in gaps):
         cable = next(i for i, gap in enumerate(gaps) if not math.isfinite(gap))
         return None, f"cable {cable + 1} has no path there: its anchor lies at its exit, or inside its pulley's wheel"
+    # The law of a cable with mass has no kink.
+    gaps = [math.inf if cable.has_mass else gap for cable, gap in zip(balance.cables, gaps, strict=True)]
     for radius in _radii(arm, min(gaps)):
         box, image = _krawczyk(balance, centre, point, inverse, radius)
         if image is not None:
@@ -308,12 +310,12 @@ def _monotone(balance: Balance, centre: Balls, point: At, radius: float) -> Encl
 
 
 def _kinks(state: At) -> list[int]:
-    """Cables that may be taut or slack."""
-    return [i for i, pull in enumerate(state.pulls) if pull.taut is None]
+    """Cables that may be stretched or not."""
+    return [i for i, pull in enumerate(state.pulls) if pull.stretched is None]
 
 
 def _slopes(balance: Balance, box: Balls, kinks: list[int]) -> list[Balls]:
-    """Derivatives over a box, with every choice of taut and slack of the cables that may be either."""
+    """Derivatives over a box, with every choice of stretched or not of the cables that may be either."""
     choices = itertools.product((True, False), repeat=len(kinks))
     return [balance.at(box, dict(zip(kinks, choice, strict=True))).slope for choice in choices]
 
@@ -354,11 +356,11 @@ def midpoint_of(balance: Balance, found: Enclosure) -> Equilibrium:
     """The midpoints of an enclosure as an equilibrium, whose source is "proof"."""
     state, problem, stiffness = found.state, balance.problem, middles(_condensed(balance, found.state))
     tensions = np.array([middle(pull.tension) for pull in state.pulls])
-    slack = np.array([pull.taut is False and not balance.cables[i].has_mass for i, pull in enumerate(state.pulls)])
+    idle = np.array([pull.stretched is False and not balance.cables[i].has_mass for i, pull in enumerate(state.pulls)])
     return Equilibrium(
         problem=problem,
         pose=Pose(middles(balance.position(found.image)), middles(state.rotation)),
-        tensions=np.where(slack, 0.0, tensions),
+        tensions=np.where(idle, 0.0, tensions),
         lengths=problem.rest_lengths + np.array([middle(pull.stretch) for pull in state.pulls]),
         residual=max(float(force.abs_upper()) for force in state.forces[: balance.free]),
         eigenvalues=np.linalg.eigvalsh((stiffness + stiffness.T) / 2),
@@ -381,7 +383,7 @@ def certificate_of(equilibrium: Equilibrium | None, balance: Balance, found: Enc
     equilibrium = equilibrium or midpoint
     state, reasons = found.state, []
     index = index_over(balance, found)
-    slack = tuple(None if pull.taut is None else not pull.taut for pull in state.pulls)
+    slack = tuple(cable.slack(pull) for cable, pull in zip(balance.cables, state.pulls, strict=True))
     position = balance.position(found.image)
     position_error = upper(_norm(position - exact(equilibrium.position)))
     turned = state.rotation - exact(equilibrium.rotation_matrix)
@@ -406,10 +408,12 @@ def certificate_of(equilibrium: Equilibrium | None, balance: Balance, found: Enc
         )
     for cable, (proved, called) in enumerate(zip(slack, equilibrium.slack, strict=True)):
         if proved is None:
-            gap = upper(abs(state.pulls[cable].stretch))
-            reasons.append(
-                f"cable {cable + 1} is within {gap:.0e} m of its rest length: neither taut nor slack is proved"
-            )
+            pull, own = state.pulls[cable], balance.cables[cable]
+            place = f"is within {upper(abs(pull.stretch)):.0e} m of its rest length"
+            if pull.stretched is False:
+                beyond = upper(abs(own.parts * pull.tension - own.slack_limit))
+                place = f"pulls within {beyond:.0e} N by as much as a slack cable may"
+            reasons.append(f"cable {cable + 1} {place}: neither taut nor slack is proved")
         elif proved != called:
             words = ("taut", "slack") if called else ("slack", "taut")
             reasons.append(f"cable {cable + 1} is {words[0]}, and the equilibrium calls it {words[1]}")

@@ -52,9 +52,7 @@ def compensation_table(
     table.row("tilt [°]", *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (
-            tension_cell(f"{point.tensions[cable]:.3f}", slack=bool(point.slack[cable])) for point in results.values()
-        )
+        cells = (tension_cell(point.slack[cable], f"{point.tensions[cable]:.3f}") for point in results.values())
         table.row(f"tension {cable + 1} [N]", *cells)
     if any(point.overloaded.any() for point in results.values()):
         counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
@@ -128,6 +126,8 @@ def sensitivity_lead(answer: Sensitivity, effects: Sequence[Effect], modes: Mode
 
 def sensitivity_note(answer: Sensitivity) -> str:
     """Range in which the derivatives are valid."""
+    if answer.margin == np.inf:
+        return "Valid near the equilibrium: cables with mass become slack or taut without a jump of the derivatives."
     return (
         "Valid while the set of taut cables does not change: the cable closest to a change is "
         f"{1e3 * answer.margin:.3g} mm of length away from it."

@@ -23,6 +23,7 @@ Outcome = Equilibrium | NotConverged | NotSettled
 """Outcome of a method: an equilibrium, or the exception with its best point."""
 
 SLACK = "slack"
+"""Of a cable, in place of a tension of 0, or before its tension."""
 
 HEADINGS = {
     "mujoco": "MuJoCo",
@@ -44,14 +45,16 @@ def heading(point: Equilibrium | EquilibriumBatch | None) -> str:
     return "" if point is None else HEADINGS.get(point.source, point.source)
 
 
+def tension_cell(slack: bool | np.bool_ | None, tension: str) -> str:
+    """A cable's tension, marked if it is slack; a slack cable with mass has a tension, which is shown."""
+    if not slack:
+        return tension
+    return f"{SLACK} {tension}" if any(digit in tension for digit in "123456789") else SLACK
+
+
 def platform_and_cables(robot: Robot) -> str:
     """Title of a table: the robot, its cables and its platform."""
     return f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg"
-
-
-def tension_cell(tension: str, *, slack: bool | None) -> str:
-    """A tension, marked if the cable is slack."""
-    return f"{SLACK} {tension}" if slack else tension
 
 
 def lead(verdict: str, commanded: RigidTransform, *points: Equilibrium) -> str:
@@ -227,7 +230,7 @@ def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
     if len(neutral):
         directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
         notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")
-    for cable in np.flatnonzero((robot.reeving > 1) & ~equilibrium.slack):
+    for cable in np.flatnonzero((robot.reeving > 1) & (equilibrium.pulls > 0)):
         notes.append(
             f"Cable {cable + 1}: its {robot.reeving[cable]} parts of line pull with {equilibrium.pulls[cable]:.4g} N."
         )

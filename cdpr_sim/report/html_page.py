@@ -62,7 +62,7 @@ POLICY = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-
 _MAPS = {
     "tilt": ("Tilt of the platform", "Angle between the platform's z axis and the vertical. Dark is large."),
     "distance": ("Deviation", "Distance between the equilibrium and the commanded position. Dark is large."),
-    "slack_count": ("Slack cables", "Number of cables without tension."),
+    "slack_count": ("Slack cables", "Number of cables that are not stretched and hardly pull."),
     "feasible": (
         "Feasibility",
         "Poses that rigid cables can hold exactly as commanded (static feasible workspace).",
@@ -397,9 +397,8 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
         if settled is None:
             label = ""
         else:
-            tension = settled.tensions[cable]
-            label = newtons(float(f"{tension:.3g}")) if tension or not slack else ""
-            label = crosscheck_tables.tension_cell(label, slack=slack).strip()
+            tension = float(f"{settled.tensions[cable]:.3g}")
+            label = crosscheck_tables.tension_cell(slack, newtons(tension))
         cables.append({"curve": _rounded(curve), "slack": slack, "label": label})
     return {
         "description": _description(robot, view),

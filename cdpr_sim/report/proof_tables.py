@@ -44,7 +44,7 @@ def certificate_table(proofs: Sequence[Certificate]) -> Table:
         table.row(f"{'xyz'[axis]} [mm]", *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs))
     table.add_section()
     for cable in range(robot.cables):
-        cells = (tension_cell(_interval(one.tensions[:, cable], one.exists), slack=one.slack[cable]) for one in proofs)
+        cells = (tension_cell(one.slack[cable], _interval(one.tensions[:, cable], one.exists)) for one in proofs)
         table.row(f"tension {cable + 1} [N]", *cells)
     table.add_section()
     table.add_row("equilibrium", *("exists, unique" if one.exists else "[red]not proved[/]" for one in proofs))

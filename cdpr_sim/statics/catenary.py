@@ -148,9 +148,9 @@ def _solve(X, Z, kappa):
 @inline
 def _start(X, Z, chord, kappa):
     """Start near the root: from F's first terms where the cable is nearly straight, else from its exponentials."""
-    slack = Z / (1 + kappa)
-    if slack < 1 and chord < 1 + kappa:
-        y = np.log(2 * np.sqrt((1 - slack) * (1 + slack)) / X)
+    upright = Z / (1 + kappa)
+    if upright < 1 and chord < 1 + kappa:
+        y = np.log(2 * np.sqrt((1 - upright) * (1 + upright)) / X)
         if y > 1:
             return y + np.log(kappa + y + np.log(kappa + y + 1))
     # c a³/6 + (chord − 1) a = kappa with c = cos² of the chord's slope

@@ -84,8 +84,8 @@ class State:
         position: (..., 3) [m].
         rotation: (..., 3, 3).
         geometry: geometry of the cables.
-        tensions: tensions of the ropes, (..., cables) [N], 0 where slack (Eq. 10, 11); for a cable with mass, at the
-            platform's end.
+        tensions: tensions of the ropes, (..., cables) [N], 0 where not stretched (Eq. 10, 11); for a cable with mass,
+            at the platform's end.
         hanging: states of the cables if some have mass.
     """
 
@@ -108,7 +108,7 @@ class State:
 
     @cached_property
     def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
-        """∂tau/∂(n l), (..., cables) [N/m], 0 where slack; nan for robots whose cables have mass.
+        """∂tau/∂(n l), (..., cables) [N/m], 0 where not stretched; nan for robots whose cables have mass.
 
         Tension by the length of all n parts of line: the spring constant of the whole rope, EA/(n l0 + g).
         """

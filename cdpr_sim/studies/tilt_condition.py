@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -39,6 +39,7 @@ class MomentBalance:
         wrench_matrix: (6, cables).
         tensions: (cables,) [N].
         rest_lengths: (cables,) [m], at the commanded pose.
+        slack: which cables are slack, (cables,).
         at_rest: whether the tensions are those of the equilibrium, or equal in each pair.
     """
 
@@ -48,6 +49,7 @@ class MomentBalance:
     wrench_matrix: Float[np.ndarray, "6 cables"]
     tensions: Float[np.ndarray, " cables"]
     rest_lengths: Float[np.ndarray, " cables"]
+    slack: Bool[np.ndarray, " cables"]
     at_rest: bool
 
     @cached_property
@@ -100,7 +102,9 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
         sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
         tensions = np.repeat(sides, robot.cables // 2)
         pulls = pulls if robot.cabling.massless else cut(robot, position, rotation, tensions)[1]
-    return MomentBalance(robot, position, rotation, pulls, tensions, robot.rest_lengths(position), at_rest=False)
+    return MomentBalance(
+        robot, position, rotation, pulls, tensions, robot.rest_lengths(position), tensions <= 0, at_rest=False
+    )
 
 
 def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
@@ -112,7 +116,7 @@ def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     one = solve(robot, np.asarray(commanded, dtype=float))
     rotation = one.rotation.as_matrix()
     pulls = at(one.problem, one.position, rotation).wrench_matrix
-    return MomentBalance(robot, one.position, rotation, pulls, one.tensions, one.rest_lengths, at_rest=True)
+    return MomentBalance(robot, one.position, rotation, pulls, one.tensions, one.rest_lengths, one.slack, at_rest=True)
 
 
 def moment_balances() -> tuple[MomentBalance, ...]:
@@ -177,7 +181,7 @@ def _draw_balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
     robot = balance.robot
     drawing.draw_frame(ax, robot)
     ax.set_ylim(0.08, 0.52)
-    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.tensions <= 0, balance.rest_lengths)
+    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.slack, balance.rest_lengths)
     drawing.draw_platform(ax, robot, balance.position, balance.rotation, alpha=0.9)
     meeting, center = balance.intersection, balance.position
     for start, direction in zip(*balance.lines_of_force, strict=True):

@@ -67,7 +67,7 @@ QUANTITIES = {
     "deviation": Quantity(("axis",), float, "m", "position minus commanded position"),
     "distance": Quantity((), float, "m", "distance from the commanded position"),
     "tilt": Quantity((), float, "rad", "angle between the platform's z axis and the vertical"),
-    "tensions": Quantity(("cable",), float, "N", "cable tensions, 0 where slack"),
+    "tensions": Quantity(("cable",), float, "N", "cable tensions, at the platform"),
     "slack_count": Quantity((), float, "1", "number of slack cables"),
     "slack_set": Quantity((), np.int64, "1", "slack cables, cable i as bit i − 1; −1 where there is no equilibrium"),
     "eigenvalues": Quantity(("mode",), float, "N m-1", "eigenvalues of the stiffness matrix, ascending"),

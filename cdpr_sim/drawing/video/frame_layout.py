@@ -218,13 +218,13 @@ class Page:
         colors, pitch = tension_colors(tensions, self.largest_tension), chart.width / len(tensions)
         for i in range(len(tensions)):
             left, right = chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch
-            if slack[i]:  # a slack cable: an empty frame, and its number in the same colour
-                draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
-                self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
-                self._draw_upright(draw, (left + right) / 2, chart, right - left)
-                continue
             height = min(1.0, tensions[i] / self.largest_tension) * (chart.height - 1)
             draw.rectangle((left, chart.bottom - 1 - height, right, chart.bottom - 1), fill=_rgb(colors[i]))
+            if slack[i]:  # a frame, and the number in the same colour; without mass, the frame is empty
+                draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
+                self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
+                above = Box(chart.left, chart.top, chart.width, chart.height - round(height))
+                self._draw_upright(draw, (left + right) / 2, above, right - left)
 
     def _draw_bar_number(self, draw: ImageDraw.ImageDraw, chart: Box, i: int, cables: int, color: style.Color) -> None:
         """The cable's number under its bar, if bars are wide enough for all numbers."""

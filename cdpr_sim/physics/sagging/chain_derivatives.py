@@ -132,7 +132,7 @@ def _slopes(
 ) -> tuple[Float[np.ndarray, "some moves free"], Float[np.ndarray, "some moves chains slides"]]:
     """Decrease of ``ChainSimulations.forces`` along moves, by differences of ``step`` [m].
 
-    Cables that are taut now may push meanwhile, and slack ones have no force, as in ``batch``.
+    Springs that are stretched now may push meanwhile, and others have no force, as in ``batch``.
     """
     bands, stiffnesses, further = (
         field[at] for field in (simulations.bands, simulations.stiffnesses, simulations.further)

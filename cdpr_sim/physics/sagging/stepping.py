@@ -3,9 +3,9 @@
 A spring acts with its force at the step's end, since a taut tendon is damped by as much as its spring gains in the
 step; the same holds for the transverse stiffness of a taut string.
 
-A slack chain is a row of nearly rigid links, which a time step cannot move without stretching them. While its profile
-is still wrong, it may therefore stretch by a hundredth under its own weight; then its stiffness grows from step to step
-up to the true one.
+A loose chain, whose path is not longer than its rest length, is a row of nearly rigid links, which a time step cannot
+move without stretching them. While its profile is still wrong, it may therefore stretch by a hundredth under its own
+weight; then its stiffness grows from step to step up to the true one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NEAREST = 1e-9
 """Lower bound of that distance, as a fraction of the length."""
 
 SOFT, GROWTH, STIFF = 100.0, 1.3, 1e100
-"""Initial axial stiffness of a slack chain, in its weight; its growth in a step; and an upper bound."""
+"""Initial axial stiffness of a loose chain, in its weight; its growth in a step; and an upper bound."""
 
 CALM = 0.05
 """While a larger fraction of the load is unbalanced, or on a chain of its weight, its stiffness does not grow."""
@@ -39,7 +39,7 @@ tension, or at least of this fraction of the chain's largest; before, it is that
 
 
 class Stepping:
-    """Time steps of platforms, with the present stiffness of their slack chains.
+    """Time steps of platforms, with the present stiffness of their loose chains.
 
     Args:
         simulations: the platforms.
@@ -60,18 +60,18 @@ class Stepping:
         chains = simulations.chains
         shape = rows, count = len(longest), len(chains.cables)
         self.rates, self.turning = np.zeros(shape), bool(chains.over.any())
-        self.slack, self.softness, self.pulls = np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape)
+        self.loose, self.softness, self.pulls = np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape)
         self.calm, self.gentle = np.ones(rows, dtype=bool), np.zeros(rows, dtype=bool)
         self.segment_lengths, self.stiffness = np.zeros((2, rows, count, chains.segments.shape[1]))
         self.prepare(simulations.all)
 
     def prepare(self, at: Rows) -> None:
-        """Begin anew from the present coordinates: with these springs, and soft where a chain is slack now."""
+        """Begin anew from the present coordinates: with these springs, and soft where a chain is loose now."""
         simulations = self.simulations
         self.measure(at)
         simulations.batch.forward(at, stage=POSITIONS)
-        slack = simulations.chords(at) <= simulations.rest_lengths[at][:, simulations.chains.cables]
-        self.slack[at] = slack & (simulations.weights[at] > 0)
+        loose = simulations.chords(at) <= simulations.rest_lengths[at][:, simulations.chains.cables]
+        self.loose[at] = loose & (simulations.weights[at] > 0)
         self.soften(at)
 
     def measure(self, at: Rows) -> None:
@@ -81,8 +81,8 @@ class Stepping:
         self.stiffness[at] = simulations.springs[at][:, simulations.chains.segments] * self.segment_lengths[at]
 
     def soften(self, at: Rows) -> None:
-        """Let chains stretch that were slack at first."""
-        self.softness[at] = np.where(self.slack[at], SOFT, STIFF)
+        """Let chains stretch that were loose at first."""
+        self.softness[at] = np.where(self.loose[at], SOFT, STIFF)
 
     def stiffen(self, at: Rows) -> None:
         """Give all chains their true stiffness: their profiles are right already."""
@@ -121,7 +121,7 @@ class Stepping:
         simulations.timestep[at] = step
         wind(step)
         weights, stiffness, segments = simulations.weights[at], self.stiffness[at], (at[:, None, None], chains.segments)
-        most = np.where(self.slack[at], self.softness[at] * weights, np.inf)
+        most = np.where(self.loose[at], self.softness[at] * weights, np.inf)
         soft = np.minimum(most[..., None], stiffness)
         true = soft == stiffness
         simulations.stiffnesses[segments] = np.where(
@@ -152,7 +152,7 @@ class Stepping:
     def _time_step(
         self, at: Rows, longest: Float[np.ndarray, " some"], free: Float[np.ndarray, "some chains segments"]
     ) -> Float[np.ndarray, " some"]:
-        """[s] Short enough for chains that change between slack and taut, and for segments that rotate.
+        """[s] Short enough for chains that change between loose and taut, and for segments that rotate.
 
         As a chain becomes taut, its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
         that rotates by an angle in a step is stretched by half its square, which must not exceed its present strain.
@@ -160,7 +160,7 @@ class Stepping:
         simulations, chains = self.simulations, self.simulations.chains
         weights, velocity = simulations.weights[at], simulations.ten_velocity[at]
         rest = simulations.rest_lengths[at][:, chains.cables]
-        most = np.where(self.slack[at], self.softness[at] * weights, np.inf)
+        most = np.where(self.loose[at], self.softness[at] * weights, np.inf)
         stiffness = np.minimum(self.stiffness[at, :, 0], most)
         near = np.maximum((weights / stiffness) ** (2 / 3), NEAREST) * rest
         passage = (
