@@ -26,7 +26,7 @@ BEFORE_WORK = [
     ("settle parallel --wrench 1,2", "--wrench: found '1,2', expected six numbers"),
     ("settle parallel --waypoint 0.3,0.2,0.1", "--waypoint: found a single one, expected at least two"),
     ("settle parallel --waypoint=0,0 --waypoint=1,1", "--waypoint: found '0,0', expected three numbers"),
-    (f"settle parallel {PATH} --pose 0.3,0.2,0.1", "--waypoint: found waypoints and --pose or --certify"),
+    (f"settle parallel {PATH} --pose 0.3,0.2,0.1", "--waypoint: found waypoints and --pose, --certify or --all"),
     (f"settle parallel {PATH} --path-points 0", "--path-points: found 0, expected from 1 to 100000"),
     ("settle two-cable --pose 0.4 0.1 0.2", "'two-cable' is planar"),
     ("solve parallel --method newtn", "did you mean newton"),

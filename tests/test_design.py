@@ -198,6 +198,8 @@ def test_feasible_volume_counts_the_feasible_poses(parallel):
         asked = {"tension_limits": (0.1, 2.5)}
         shares = [cdpr.feasible(one, grid(robot, 400), **asked).mean() for one in robots]
         assert volumes[-1] == pytest.approx(shares)
+        _, limit = constraints_of(robot, {"feasible volume": 1.0, "tensions": (0.1, 2.5)})[0]  # within the same limits
+        assert limit.violation(equilibria) == pytest.approx(1 - volumes[-1])
         assert 0 < min(shares) < max(shares) < 1
     assert not np.isclose(*volumes).all()
 

@@ -427,7 +427,7 @@ def test_certify_prints_what_is_proved_of_both_methods():
 
 
 def test_settle_shows_the_proved_errors_where_the_extra_is_installed(monkeypatch):
-    """With details in a row, and on request in a column too; without the extra it prints what ``--no-certify`` prints."""
+    """With details in a row, on request in a column too; without the extra it prints what ``--no-certify`` prints."""
     words = "settle", "parallel", "--pose", "0.38", "0.25", "0.1"  # where SEECR needs few steps
     label = re.escape("proved within [mm]")
     default, column, without = (run(*words, "--all", *more) for more in ((), ("--certify",), ("--no-certify",)))

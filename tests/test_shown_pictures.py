@@ -371,7 +371,7 @@ def test_what_moved_on_the_platform_is_drawn_enlarged_and_named(parallel_with_ot
     said = [text.get_text() for text in legend.get_texts()]
     assert [text for text in said if "moved" in text] == ["anchor moved, from its previous position"]
     spaces = [ax for ax in figure.axes if ax.name == "3d"]
-    assert [ax.get_title() for ax in spaces] == ["before", "after", "platform, enlarged"]
+    assert [ax.get_title() for ax in spaces] == ["before", "after", "platform,\nenlarged"]
     drawn = [np.transpose(line.get_data_3d()) for line in spaces[2].lines if same_color(line.get_color(), style.ORANGE)]
     found = parallel_with_other_anchors.layout
     moves = np.stack([found.given.anchors, found.robot.anchors], axis=1)

@@ -70,8 +70,8 @@ def settle(
     from cdpr_sim.report import proof_tables
 
     if waypoint:
-        if pose is not None or certify:
-            raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
+        if pose is not None or certify or details:
+            raise cdpr.InvalidInput("--waypoint: found waypoints and --pose, --certify or --all, expected one of them")
         machine, load = robot_of(robot, material, mass), wrench_of(wrench)
         _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
     problem = problem_of(robot, pose, material, pretension, mass, wrench)

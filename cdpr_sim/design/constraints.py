@@ -50,7 +50,8 @@ def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[
     """
     refuse_unless(Mapping | None, subject_to=subject_to)
     constraints, limits, reach = [], NO_LIMITS, np.inf
-    for name, value in ({} if subject_to is None else subject_to).items():
+    given = {} if subject_to is None else subject_to
+    for name, value in sorted(given.items(), key=lambda item: item[0] != "tensions"):
         one_of("constraint", name, (*KNOWN, *OBJECTIVES), renamed)
         if name == "tensions":
             limits = checked_limits(robot, value)
@@ -62,7 +63,7 @@ def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
             reach = limit if name == "points moved" else reach
-            constraints.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
+            constraints.append(_clearance(limit) if name == "clearance" else _limit(name, limit, limits))
     return constraints, limits, reach
 
 
@@ -87,11 +88,11 @@ def _clearance(least: float) -> Constraint:
     )
 
 
-def _limit(robot: Robot, name: str, limit: float) -> Constraint:
+def _limit(name: str, limit: float, tensions: Limits) -> Constraint:
     objective = OBJECTIVES[name]
     side, scale = (-1.0, abs(limit) or 1.0) if objective.largest else (1.0, abs(limit) or 1.0)
     bound = "at least" if objective.largest else "at most"
     return Constraint(
         f"{name} {bound} {objective.shown(limit)}",
-        lambda equilibria: np.maximum(side * (objective.score(equilibria, NO_LIMITS) - limit), 0) / scale,
+        lambda equilibria: np.maximum(side * (objective.score(equilibria, tensions) - limit), 0) / scale,
     )

@@ -163,7 +163,7 @@ _ALL = (
     _of_cases("lowest frequency", "Hz", 1.0, np.min, "lowest frequency", lambda r: r.frequencies, largest=True),
     Objective(
         "feasible volume", "%", 0.01, lambda equilibria, limits: _feasible(equilibria, limits).mean(-1), largest=True,
-        each=_feasible, quantity="feasible", equilibria=False,
+        each=_feasible, quantity="feasibility", equilibria=False,
     ),
     _of_cases("worst sensitivity", "mm/mm", 1.0, np.max, "sensitivity", _error),
     Objective("points moved", "mm", 1e-3, lambda equilibria, _: equilibria.layouts.displacements),

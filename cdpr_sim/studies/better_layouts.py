@@ -291,7 +291,7 @@ def _draw_platform_moves(space, robot: Robot, moved: Sequence[tuple[str, dict[st
     _fit(space, points)
     space.view_init(elev=14, azim=-72)
     space.axis("off")
-    _unclipped(space, "platform, enlarged")
+    _unclipped(space, "platform,\nenlarged")
 
 
 def _unclipped(space, title: str) -> None:
