@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from sample_problems import garage_crane
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
@@ -96,6 +97,23 @@ def test_equilibria_of_cables_with_mass_are_not_released(tmp_path):
     assert values["equilibria"][0]["position"] == pytest.approx(
         cdpr.solve(robot, (0.2, 0.25, 0.1)).position.tolist(), abs=1e-9
     )
+
+
+def test_tensions_of_sagging_cables_are_shown_and_none_is_called_slack(tmp_path):
+    """A crane on steel rope in a garage: settle, compensate, sweep and sensitivity, as a designer would use them."""
+    file = tmp_path / "garage.toml"
+    file.write_text(as_toml(garage_crane()))
+    assert (cdpr.solve(garage_crane(), (1.5, 1.5, 0.3)).lengths <= garage_crane().rest_lengths((1.5, 1.5, 0.3))).any()
+    ask = (str(file), "--pose", "1.5", "1.5", "0.3")
+    settle = ("settle", *ask, "--no-certify")
+    for command in (settle, ("compensate", *ask, "--tension-limits", "15", "300")):
+        result = run(*command)
+        assert result.exit_code == 0
+        for cable in range(1, 9):
+            assert all(float(cell) > 10 for cell in row(result.stdout, f"tension {cable} [N]")[3:])
+    assert row(run(*settle).stdout, "slack cables")[2:5] == ["0", "of", "8"]
+    assert row(run("sweep", str(file), "--grid", "2", "2", "2").stdout, "garage")[-2] == "0"  # % with slack cables
+    assert "set of taut cables" not in run("sensitivity", *ask).stdout
 
 
 def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):

@@ -23,7 +23,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 
 LEVELS = ("lower", "average", "higher")
-"""All cables taut; some slack; stiff, nearly slack, nearly neutral, or with several equilibria."""
+"""All cables stretched; some not; stiff, nearly slack, nearly neutral, or with several equilibria."""
 
 FORMAT = 1
 """Version of the file format."""

@@ -160,14 +160,19 @@ def _answers(problem: Problem, starts: Sequence[RigidTransform]) -> tuple[list[C
     return proofs, False
 
 
+def _stretched(one: Certificate) -> np.ndarray:
+    """Which cables are stretched, (cables,): those with mass that are not may be taut (``core.slack``)."""
+    return one.equilibrium.lengths > one.equilibrium.rest_lengths
+
+
 def _is_of(level: str, proofs: list[Certificate]) -> bool:
     stable = [one for one in proofs if one.stable]
     if not stable:
         return False
     if level == "lower":
-        return all(not any(one.slack) for one in stable)
+        return all(_stretched(one).all() for one in stable)
     if level == "average":
-        return any(any(one.slack) for one in stable)
+        return not all(_stretched(one).all() for one in stable)
     several = len(stable) > 1
     for one in stable:
         equilibrium = one.equilibrium
