@@ -35,11 +35,11 @@ def _in_html(result: _Introduced) -> str:
 _Introduced._in_html = staticmethod(_in_html)
 
 
-def _cut(*arguments: object) -> tuple:
+def _cut(*arguments: object, **options: object) -> tuple:
     """Rest lengths and wrench matrix under given tensions; statics is imported at the first call."""
     from cdpr_sim.statics.given_tensions import cut
 
-    return cut(*arguments)  # type: ignore[arg-type]
+    return cut(*arguments, **options)  # type: ignore[arg-type]
 
 
 _WithMass.cut = staticmethod(_cut)

@@ -85,7 +85,7 @@ def solve(
     Args:
         robot: the robot, a constant.
         pose: commanded poses, from which the solver starts, (..., 3) [m] or (..., 6) [m, rad]; not differentiated.
-        rest_lengths: (..., cables) [m]; default: the rigid lengths at ``pose`` with the geometry of ``robot``.
+        rest_lengths: (..., cables) [m]; default: ``robot.rest_lengths(pose)``.
         external_wrench: (..., 6) [N, N m]; default: none.
         axial_stiffness: EA, a number, or (..., cables) [N].
         mass: (...) [kg].

@@ -21,6 +21,7 @@ from cdpr_sim.design import search
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
 from cdpr_sim.report.analysis_tables import compensation_table
+from cdpr_sim.robots.robot_file_text import as_toml
 from studies.checked_lines import line_table
 
 COMMAND = [sys.executable, "-c", "from cdpr_sim.__main__ import main; main()"]
@@ -377,6 +378,87 @@ def test_a_store_that_is_none_is_refused_in_a_sentence(tmp_path):
     for path in (pipe, text, half):
         with pytest.raises(cdpr.InvalidInput, match=r"npz: found a (file|folder, a pipe)"):
             search._resumed(path, "x")
+
+
+def test_a_pipe_as_a_file_is_refused_and_not_waited_for(tmp_path):
+    """Robots, other projects' files, measurements, answers, stores of proofs; a pipe that is written to is read."""
+    pipes = [tmp_path / f"pipe{suffix}" for suffix in (".toml", ".json", ".csv")]
+    for pipe in pipes:
+        os.mkfifo(pipe)
+    toml, answers, csv = map(str, pipes)
+    for words in (("show", toml), ("settle", answers), ("identify", "parallel", csv), ("score", answers)):
+        ended = (
+            process(*words, "--problems", str(tmp_path), timeout=60)
+            if words[0] == "score"
+            else process(*words, timeout=60)
+        )
+        assert (ended.returncode, "found a pipe" in ended.stderr or "no such file" in ended.stderr) == (2, True), (
+            ended.stderr
+        )
+    writer = subprocess.Popen(["sh", "-c", f"cat > {csv}"], stdin=subprocess.PIPE, text=True)
+    reading = os.open(csv, os.O_RDONLY | os.O_NONBLOCK)  # until the command has opened it
+    writer.stdin.write("commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]\n400,250,100,99.5\n")
+    writer.stdin.close()
+    writer.wait()
+    assert len(cdpr.read_measurements(csv)) == 1
+    os.close(reading)
+
+
+def test_force_writes_to_where_a_link_points(tmp_path, monkeypatch):
+    """The link stays, and the file behind it is replaced, whichever folder it is in; links in a circle are refused."""
+    monkeypatch.chdir(tmp_path)
+    Path("there").mkdir()
+    Path("there/robot.toml").write_text("old")
+    Path("link.toml").symlink_to("there/robot.toml")
+    Path("dangling.toml").symlink_to("there/new.toml")
+    Path("lost.toml").symlink_to("nowhere/new.toml")
+    Path("circle.toml").symlink_to("circle.toml")
+    assert run("new", "link", "--force").exit_code == 0
+    assert run("new", "dangling").exit_code == 0
+    assert Path("link.toml").is_symlink()
+    for name in ("robot", "new"):
+        cdpr.load_robot(f"there/{name}.toml")
+    for name in ("lost", "circle"):
+        refused = run("new", name, "--force")
+        assert (refused.exit_code, "expected" in refused.stderr) == (2, True), refused.output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("settle parallel --mass 1e11", "mass: found 1e+11 kg, a load of 1e+08 times the axial stiffness"),
+        ("solve parallel --wrench 0,0,-1e9,0,0,0", "external_wrench: found 1e+09 N, a load of 1e+05 times"),
+        ("settle stiff.toml", "axial_stiffness: found 1e+15 N, which a load of 3.92 N strains by 4e-15, expected"),
+    ],
+)
+def test_loads_and_stiffnesses_that_no_method_can_compute_are_named(words, said, tmp_path, monkeypatch):
+    """What was given is named, not the pose; and within the range both methods find the equilibrium."""
+    monkeypatch.chdir(tmp_path)
+    robot = cdpr.load_robot("parallel")
+    Path("stiff.toml").write_text(as_toml(robot.replace(axial_stiffness=1e15)))
+    told = run(*words.split())
+    assert (told.exit_code, said in " ".join(told.stderr.split())) == (2, True), told.stderr
+    for strain in (1e-8, 1.0):
+        at = robot.replace(axial_stiffness=robot.weight / strain), (0.3, 0.25, 0.1)
+        assert cdpr.compare(cdpr.solve(*at), cdpr.settle(*at)).agrees
+
+
+def test_errors_of_files_have_the_words_of_this_package(tmp_path):
+    """Whatever pydantic objects to; a sentence with what is expected, and none of its own phrases."""
+    wrong = ["mass = inf", "mass = 'heavy'", "mass = [1]", "mass = true"]
+    changes = [("mass = 0.4", one) for one in wrong]
+    for one in (
+        "reeving = 'two'", "units = 3", "stiffening = 1", "stiffening = [1, 2, 3]", "hysteresis = [1]", "pulley = 1",
+        "pulley = { radius = 0.1, axis = 'z' }", "linear_density = []", "description = 1",
+    ):  # fmt: skip
+        changes.append(('name = "parallel"', f'name = "x"\n{one}'))
+    file = tmp_path / "wrong.toml"
+    words = as_toml(cdpr.load_robot("parallel").replace(description=""))
+    for old, new in changes:
+        file.write_text(words.replace(old, new, 1))
+        with pytest.raises(cdpr.RobotFileError, match=r"found .*, expected ") as refused:
+            cdpr.load_robot(file)
+        assert not re.search("Input|should|valid|instance", str(refused.value)), refused.value
 
 
 def test_a_search_that_cannot_fit_is_refused():

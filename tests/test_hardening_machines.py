@@ -307,5 +307,5 @@ upper = {mm(robot.workspace[1])}
     with pytest.warns(cdpr.ImplausibleRobot, match="millimetres"):
         cdpr.load_robot(path)
     path.write_text(text.replace('"mm"', '"inch"'))
-    with pytest.raises(cdpr.RobotFileError, match=re.escape("units: found 'inch': Input should be 'm' or 'mm'")):
+    with pytest.raises(cdpr.RobotFileError, match=re.escape("units: found 'inch', expected 'm' or 'mm'")):
         cdpr.load_robot(path)

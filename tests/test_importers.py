@@ -233,6 +233,7 @@ EVERYTHING = dict(
     center_of_mass=(0.001, 0, 0.002), inertia=[[0.03, 0.001, 0], [0.001, 0.04, 0.003], [0, 0.003, 0.05]],
     mobility="planar", gravity=1 / 3, name="a \"b\" 'c' é", platform_size=(0.2, 0.1, 0.05),
     frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], material="own rope",
+    from_material={}, pretension=1 / 3,
     description='tab\tand "quote" and new\nline', source="π", notes=("a remark",),
 )  # fmt: skip
 """Each field of a robot, with numbers of its own, and letters that need care."""
@@ -463,7 +464,7 @@ WRONG = [
     ("crane_cdpyr.json", [('"translation": 3', '"translation": 1')], "found 1 translations and 3 rotations"),
     ("crane_cdpyr.json", [('"frame_anchor": 3', '"frame_anchor": 4')], "found frame_anchor 4 of 4, counted from 0"),
     ("crane_cdpyr.json", [('"frame_anchor": 3', '"frame_anchor": -1')], "kinematic_chains.3.frame_anchor: found -1"),
-    ("crane_cdpyr.json", [("0.005046265044", "true")], "cables.0.diameter: found True: expected a number"),
+    ("crane_cdpyr.json", [("0.005046265044", "true")], "cables.0.diameter: found True, expected a number"),
     ("crane_cdpyr.json", [('"linear": [[5', '"linear": [[Infinity')], "platforms.0.inertia.linear.0.0: found inf"),
     ("crane_bologna.json", [('"mass": 5', '"mass": "5 kg"')], "platform.mass: found '5 kg'"),
     ("crane_bologna.json", [("[[0], [0], [1]]", "[[0], [0], [0]]")], "gravity_axis: found (0.0, 0.0, 0.0)"),

@@ -94,10 +94,13 @@ def test_a_file_that_is_missing_empty_or_no_text_is_said(tmp_path):
         cdpr.read_measurements(written(tmp_path, GOOD.splitlines()[1]))
     path = tmp_path / "binary.csv"
     path.write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(cdpr.InvalidInput, match="cannot be read as text"):
+    with pytest.raises(cdpr.InvalidInput, match="found bytes that are not UTF-8, expected text"):
         cdpr.read_measurements(path)
-    with pytest.raises(cdpr.InvalidInput, match="cannot be read as text"):
+    with pytest.raises(cdpr.InvalidInput, match="cannot be read: Is a directory"):
         cdpr.read_measurements(tmp_path)
+    for separator, said in ((";", "';'"), ("\t", "a tab")):
+        with pytest.raises(cdpr.InvalidInput, match=f"found {said} between the columns, expected ','"):
+            cdpr.read_measurements(written(tmp_path, GOOD.replace(",", separator)))
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,11 @@ def masses(robots: list[cdpr.Robot]) -> list[float]:
     return [robot.mass for robot in robots]
 
 
+def tight(robots: list[cdpr.Robot] | cdpr.Robot) -> set[float | None]:
+    """Their pretensions [N]."""
+    return {robot.pretension for robot in (robots if isinstance(robots, list) else [robots])}
+
+
 def moves(found) -> list[tuple]:
     return [(one.what, one.within, one.along) for one in found]
 
@@ -88,6 +93,19 @@ REACHED = [
     ("compensate parallel --prefer stiffest", "compensate", {"prefer": "stiffest"}),
     ("compensate parallel --arm 0.5", "compensate", {"arm": 0.5}),
     ("sensitivity parallel --pose 0.3 0.2 0.1", "sensitivity", {(0, place): AT}),
+    ("view ipanema-1 --pretension 500", "physics.viewer.open_viewer", {(0, cut): TIGHT}),
+    ("show ipanema-1 --pretension 500 -o there.png", "drawing.still.draw", {(0, tight): {500.0}}),
+    ("sensitivity ipanema-1 --pretension 500", "sensitivity", {(0, cut): TIGHT}),
+    ("equilibria ipanema-1 --pretension 500", "find_equilibria", {(0, cut): TIGHT}),
+    ("identify ipanema-1 m.csv --pretension 500", "identify", {(0, tight): {500.0}}),
+    ("design ipanema-1 --pretension 500", "find_layout", {(0, tight): {500.0}}),
+    ("front ipanema-1 -o there --pretension 500", "find_front", {(0, tight): {500.0}}),
+    ("clearances ipanema-1 --pretension 500", "clearances", {(0, tight): {500.0}}),
+    ("sweep ipanema-1 ipanema-2 --pretension 500", "sweep", {(0, tight): {500.0}}),
+    ("map ipanema-1 --pretension 500", "sweep", {(0, tight): {500.0}}),
+    ("check ipanema-1 --pretension 500", "check", {(0, tight): {500.0}}),
+    ("video ipanema-1 --pretension 500", "drive", {(0, tight): {500.0}}),
+    ("report ipanema-1 --pretension 500", "write_report", {(1, tight): {500.0}}),
     ("sensitivity parallel --material fishing-0.4mm", "sensitivity", {(0, cables): SOFT}),
     ("equilibria parallel --pose 0.3 0.2 0.1", "find_equilibria", {(0, place): AT}),
     ("equilibria parallel --material fishing-0.4mm", "find_equilibria", {(0, cables): SOFT}),

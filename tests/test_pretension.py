@@ -1,5 +1,6 @@
 """Rest lengths that hold a pose with wanted tensions, by both methods; what nothing holds; limits of force."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.describe import describe_twist
+from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.design.layout_equilibria import Cases
 from cdpr_sim.statics import forces
 from cdpr_sim.studies.pretension import ABOVE, PUSHES, least_pretension, pretension, shifts, taut_from
 from studies.pretension_tables import conclusions
@@ -251,7 +254,81 @@ def test_the_command_line_pretensions(tmp_path):
     assert "0 of 8" in result.stdout
     assert "the two methods agree" in result.stdout
     result = run(app, ["solve", "ipanema-1", "--pretension", "20"])
-    assert (result.exit_code, "tensions: found -60.16 N in cable 5" in " ".join(result.stderr.split())) == (2, True)
+    assert (result.exit_code, "pretension: found -60.16 N in cable 5" in " ".join(result.stderr.split())) == (2, True)
+
+
+def test_a_map_of_a_fully_constrained_machine_is_of_use_with_pretension(tmp_path, monkeypatch):
+    """Slack everywhere without; none with it, level under its weight; and a force deviates it, in both methods."""
+    monkeypatch.chdir(tmp_path)
+
+    def of(*words):
+        told = CliRunner().invoke(app, ["map", "falcon-7", "--points", "9", "--force", *words], env={"COLUMNS": "100"})
+        assert told.exit_code == 0, told.output
+        return re.search(r"aramid-1mm +(.*)", told.stdout)[1].split()
+
+    solved, *_, worst, slack, _ = of()
+    assert (solved, slack) == ("100", "100")
+    assert float(worst) > 0.5
+    assert of("--pretension", "30") == ["100", *["0.00"] * 4, "0", "100"]
+    pushed = of("--pretension", "30", "--wrench", "0,0,-5,0,0,0")
+    assert (pushed[5], float(pushed[4]) > 0.05) == ("0", True)
+    robot = cdpr.load_robot("falcon-7").replace(pretension=30.0)
+    assert cdpr.check(robot, (2, 2, 2), external_wrench=(0, 0, -5, 0, 0, 0)).agrees
+
+
+def test_a_pretension_belongs_to_the_robot(tmp_path, catalogue):
+    """One pose and many, stiffness, mass and layouts that differ, a motion, a controller: the same lengths."""
+    robot = catalogue["ipanema-1"].replace(pretension=300.0)
+    poses = robot.home + np.array([[0, 0, 0], [0.2, -0.1, 0.1], [0.9, 0.9, 0.9]])
+    lengths = [catalogue["ipanema-1"].rest_lengths(pose, 300.0) for pose in poses[:2]]
+    np.testing.assert_array_equal([robot.rest_lengths(pose) for pose in poses[:2]], lengths)
+    found = cdpr.solve_many(robot, poses)
+    np.testing.assert_allclose(found.rest_lengths[:2], lengths, rtol=1e-14)
+    assert found.status.tolist() == [cdpr.Status.CONVERGED] * 2 + [cdpr.Status.NO_PRETENSION]
+    assert cdpr.settle_many(robot, poses).status[2] == cdpr.Status.NO_PRETENSION
+    with pytest.raises(cdpr.InvalidInput, match=r"pretension: found -.* N in cable"):
+        cdpr.solve(robot, poses[2])
+    varied = cdpr.Problems.of(robot, poses[:2], axial_stiffness=[[1e5], [2e5]], mass=[5.0, 20.0])
+    for row, (stiffness, mass) in enumerate(((1e5, 5.0), (2e5, 20.0))):
+        alone = robot.replace(axial_stiffness=stiffness, mass=mass)
+        np.testing.assert_allclose(varied.rest_lengths[row], alone.rest_lengths(poses[row]), rtol=1e-14)
+    moved = robot.replace(exits=robot.exits + np.array([0.05, 0, 0]))
+    layouts = Cases.of(robot, poses[:2]).layout_problems(RobotBatch.of([robot, moved]))
+    np.testing.assert_allclose(layouts.rest_lengths[1, 1], moved.rest_lengths(poses[1]), rtol=1e-14)
+    motion = cdpr.drive(robot, poses[:2], states=5)
+    np.testing.assert_allclose(motion.rest_lengths[[0, -1]], lengths, rtol=1e-14)
+    assert not motion.slack.any()
+    tracked = cdpr.track(robot, poses[:2], cdpr.RigidLengths(robot))
+    assert np.linalg.norm(tracked.positions[-1] - poses[1]) < 1e-4
+    assert cdpr.compensate(robot, poses[1], tensions=(10, 200)).tensions.max() < 200  # tensions of its own
+    heavy = catalogue["cogiro"].replace(linear_density=1e-3, pretension=50.0)
+    with pytest.raises(cdpr.InvalidInput, match="pretension: found"):
+        heavy.rest_lengths(heavy.home)
+    assert cdpr.solve_many(heavy, [heavy.home]).status.tolist() == [cdpr.Status.NO_PRETENSION]
+    with pytest.raises(cdpr.InvalidInput, match="pretension: found -1 N, expected 0 to"):
+        robot.replace(pretension=-1)
+
+
+@pytest.mark.parametrize(
+    "change", [{"linear_density": 0.004}, {"stiffening": (20, 0)}, {"winch_to_exit": 2.0, "reeving": 2}]
+)
+def test_pretension_holds_for_all_kinds_of_cables(catalogue, change):
+    """In one call for many poses as for each; both methods stay where they are commanded."""
+    robot = catalogue["ipanema-1"].replace(pretension=300.0, **change)
+    poses = robot.home + np.array([[0, 0, 0], [0.2, -0.1, 0.1]])
+    for method in (cdpr.solve_many, cdpr.settle_many):
+        found = method(robot, poses)
+        assert np.abs(found.deviation).max() < HELD
+        np.testing.assert_allclose(found.rest_lengths, [robot.rest_lengths(pose) for pose in poses], rtol=1e-12)
+
+
+def test_a_store_is_of_one_pretension(tmp_path, catalogue):
+    """A sweep is resumed with the pretension that it was begun with, and not with another."""
+    robot, store = catalogue["ipanema-1"], tmp_path / "sweep.zarr"
+    cdpr.sweep(robot.replace(pretension=300.0), (2, 2, 2), store=store)
+    cdpr.sweep(robot.replace(pretension=300.0), (2, 2, 2), store=store)
+    with pytest.raises(cdpr.InvalidInput, match="exists and holds something else"):
+        cdpr.sweep(robot, (2, 2, 2), store=store)
 
 
 def test_tensions_beyond_their_limits_and_free_directions_are_said(tmp_path):

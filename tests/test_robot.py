@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 
@@ -166,6 +168,33 @@ def test_replace_material_sets_the_stiffness_and_a_stiffness_forgets_the_materia
     soft = robot().replace(material="fishing-0.4mm")
     assert (soft.axial_stiffness == cdpr.MATERIALS["fishing-0.4mm"].axial_stiffness).all()
     assert soft.replace(axial_stiffness=5.0).material is None
+
+
+def test_numbers_of_a_material_follow_it_and_those_given_by_hand_stay():
+    """In the constructor and in ``replace``, for all cables or some; ``from_material`` tells which is which."""
+    rope = robot(axial_stiffness="material", linear_density="material", material="steel-rope-4mm")
+    steel, dyneema = cdpr.ROPES["steel-rope"].of(0.004), cdpr.ROPES["dyneema"].of(0.002)
+    for one, material in ((rope, steel), (rope.replace(material="dyneema-2mm"), dyneema)):
+        for name in ("axial_stiffness", "linear_density", "breaking_load"):
+            assert (getattr(one, name) == getattr(material, name)).all(), name
+            assert set(one.from_material[name]) == {material.name}
+    kept = rope.replace(linear_density=[0.1, "material", "material"], breaking_load=7.0).replace(material="dyneema-2mm")
+    assert kept.linear_density.tolist() == [0.1, *[dyneema.linear_density] * 2]
+    assert kept.breaking_load.tolist() == [7.0] * 3
+    own = "dyneema-2mm"
+    assert kept.from_material == {"axial_stiffness": (own,) * 3, "linear_density": (None, own, own)}
+    measured = rope.replace(axial_stiffness=5e5)
+    assert (measured.linear_density == steel.linear_density).all()
+    assert not measured.from_material
+    assert pickle.loads(pickle.dumps(kept)).from_material == kept.from_material
+    with pytest.raises(cdpr.InvalidInput, match=r"linear_density: found 'material', .* mass of vectran-0.7mm is not"):
+        rope.replace(material="vectran-0.7mm")
+    with pytest.raises(cdpr.InvalidInput, match="linear_density: found 'material' without a material"):
+        robot(linear_density="material")
+    with pytest.raises(cdpr.InvalidInput, match="diameter: found it in replace, expected material='steel-rope-4mm'"):
+        rope.replace(diameter=0.004)
+    with pytest.raises(cdpr.UnknownName, match=r"'steel-4mm': did you mean steel-rope-4mm\?"):
+        rope.replace(material="steel-4mm")
 
 
 def test_a_breaking_load_belongs_to_the_material():

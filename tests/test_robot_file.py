@@ -12,6 +12,7 @@ from test_cli import run
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.still import draw, encoded
 from cdpr_sim.robots import robot_file
+from cdpr_sim.robots.robot_file_text import as_toml
 
 ROOT = Path(__file__).parents[1]
 
@@ -164,7 +165,12 @@ def test_ropes_break_where_their_sources_say_and_nowhere_else(tmp_path):
         ("axial_stiffness = 1e4\ndiameter = 0", "", "", "the robot: found diameter, expected none"),
         ("material = 'dyneema'\ndiameter = 0", "", "", "diameter: found 0 m, expected more than 0"),
         ("axial_stiffness = 1e4\nlinear_density = 'material'", "", "", "the mass of a cable given by its stiffness is"),
-        ("axial_stiffness = 1e4\nlinear_density = 'heavy'", "", "", "linear_density: found 'heavy': Input should be"),
+        (
+            "axial_stiffness = 1e4\nlinear_density = 'heavy'",
+            "",
+            "",
+            "linear_density: found 'heavy', expected a number or 'material'",
+        ),
         ("", "", "", "cable 1: found neither material nor axial_stiffness nor modulus"),
     ],
 )
@@ -222,3 +228,80 @@ def test_what_is_drawn_is_the_robot():
     assert encoded(draw(one.replace(name="$odd{$"), (0.5, 0, 0)))  # a frame of no size
     with pytest.raises(cdpr.InvalidInput, match="planar"):
         draw(cdpr.load_robot("two-cable"), (0.3, 0.2, 0.2))
+
+
+CRANE = """
+name = "crane"
+material = "steel-rope-4mm"
+linear_density = "material"
+[platform]
+mass = 20
+size = [0.4, 0.4, 0.3]
+""" + "".join(
+    f"[[cables]]\nexit = [{3 * x}, {3 * y}, 3]\nanchor = [{0.4 * x - 0.2}, {0.4 * y - 0.2}, {z}]\n"
+    for x in (0, 1) for y in (0, 1) for z in (-0.15, 0.15)
+)  # fmt: skip
+
+
+def test_another_material_changes_the_mass_of_cables_that_had_the_last_ones(tmp_path, monkeypatch):
+    """As its designer does: `solve`, `sweep` and `show` with `--material`; a mass given by hand stays, and is noted."""
+    monkeypatch.chdir(tmp_path)
+    Path("crane.toml").write_text(CRANE)
+    Path("rope.toml").write_text(CRANE.replace("steel-rope-4mm", "dyneema-4mm"))
+    Path("hand.toml").write_text(CRANE.replace('"material"', "0.064"))
+    at, words = ("--pose", "1.5", "1.5", "0.3", "--json"), ("--material", "dyneema-4mm")
+    by_hand = run("solve", "hand.toml", *at, *words)
+    every = run("solve", "crane.toml", *at, *words), run("solve", "rope.toml", *at), by_hand
+    asked, meant, stays = (json.loads(told.stdout) for told in every)
+    assert asked["position"] == meant["position"]
+    assert abs(stays["position"][2] - meant["position"][2]) > 1e-4
+    assert "crane: given by hand, and not changed by --material dyneema-4mm: mass per length" in " ".join(
+        by_hand.stderr.split()
+    )
+    crane, rope = cdpr.load_robot("crane.toml"), cdpr.load_robot("rope.toml")
+    both = cdpr.sweep(crane, (2, 2, 2), ["steel-rope-4mm", "dyneema-4mm"])
+    for material, one in (("steel-rope-4mm", crane), ("dyneema-4mm", rope)):
+        single, mine = cdpr.sweep(one, (2, 2, 2)), both.sel(material=material)
+        for name in ("position", "tensions", "feasible", "linear_density"):
+            np.testing.assert_array_equal(mine[name], single[name], err_msg=name)
+    compared = cdpr.check(crane, (2, 1, 1), ["dyneema-4mm"]).dataset
+    np.testing.assert_array_equal(
+        compared["position_error"].squeeze(), cdpr.check(rope, (2, 1, 1)).dataset["position_error"].squeeze()
+    )
+    told = " ".join(run("show", "hand.toml", *words).stdout.split())
+    assert "EA, breaking load of dyneema-4mm; by hand: mass per length" in told
+    shown = json.loads(run("show", "crane.toml", "--force", "--json").stdout)
+    assert set(shown["from_material"]) == {"axial_stiffness", "linear_density", "breaking_load"}
+
+
+def test_materials_and_pretension_are_written_by_name_and_read_back(tmp_path):
+    """Also where they differ from cable to cable; a copy of a catalogue robot keeps its words."""
+    robot = loaded(
+        tmp_path,
+        'material = "dyneema-2mm"\nlinear_density = "material"\npretension = 3.5',
+        cable="linear_density = 0.01",
+    )
+    for one in (robot, robot.replace(material="nylon-0.4mm", linear_density=0), robot.replace(axial_stiffness=5e3)):
+        (tmp_path / "again.toml").write_text(as_toml(one))
+        again = cdpr.load_robot(tmp_path / "again.toml")
+        assert again.from_material == one.from_material
+        assert (again.material, again.pretension) == (one.material, 3.5)
+        assert again.cabling.same_as(one.cabling)
+        np.testing.assert_array_equal(again.breaking_load, one.breaking_load)
+
+
+def test_new_copies_a_robot_and_says_what_a_name_means(tmp_path, monkeypatch):
+    """`--from` a name or a file; a name of the catalogue is noted, and one of nothing refused."""
+    monkeypatch.chdir(tmp_path)
+    assert run("new", "mine", "--from", "cogiro-crane-built").exit_code == 0
+    built = cdpr.load_robot("cogiro-crane-built")
+    assert cdpr.load_robot("mine.toml").cabling.same_as(built.cabling)
+    assert "# kg/m: 0.064" in Path("mine.toml").read_text()
+    assert run("new", "second", "--from", "mine.toml").exit_code == 0
+    assert (cdpr.load_robot("second.toml").name, cdpr.load_robot("second.toml").mass) == ("second", built.mass)
+    assert "parallel is a robot of the catalogue as well" in " ".join(run("new", "parallel").stderr.split())
+    for name in ("", ".toml"):
+        refused = run("new", name)
+        assert (refused.exit_code, f"name: found {name!r}, expected a name" in refused.stderr) == (2, True)
+    assert "unknown robot 'nothing'" in run("new", "third", "--from", "nothing").stderr
+    assert not Path("third.toml").exists()

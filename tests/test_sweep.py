@@ -145,7 +145,7 @@ def test_pose_that_cannot_be_solved_is_nan_with_a_status():
     )
     assert meanings == {
         -1: "pending", 0: "converged", 1: "iteration_limit", 2: "stalled", 3: "not_finite", 4: "falls",
-        7: "overstrained", 8: "off_wheel",
+        7: "overstrained", 8: "off_wheel", 10: "no_pretension",
     }  # fmt: skip
     lost = dataset.isel(z=[2, 3])
     for name, kind in QUANTITIES.items():

@@ -33,6 +33,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
+from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.slack import slack_limits
@@ -198,9 +199,11 @@ def compensate(
         NotConverged: no pose was found that tensions within limits hold.
     """
     one_of("preference", prefer, get_args(Prefer))
+    if isinstance(robot, Robot):
+        robot = without_pretension(robot)  # the tensions are chosen here
     given_problem = Problem.of(robot, pose, external_wrench=external_wrench)
     given_problem.robot.cabling.refuse_memory()
-    robot, commanded = given_problem.robot, given_problem.pose
+    robot, commanded = without_pretension(given_problem.robot), given_problem.pose
     rigid = Problem.of(
         robot, commanded, external_wrench=given_problem.external_wrench
     )  # refuses a pose above all exits

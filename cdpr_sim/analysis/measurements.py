@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import as_numbers, checked_array, checked_path, listed, one_of, refuse_unless, shown
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.files import read_text
+from cdpr_sim.core.files import read_text, readable
 from cdpr_sim.core.robot import Robot
 
 COORDINATES = ("x", "y", "z", "alpha", "beta", "gamma")
@@ -355,18 +355,20 @@ def read_measurements(path: str | Path) -> Measurements:
             message names file, line and column.
     """
     path = checked_path("path", path)
-    try:
+    with readable(path):
         text = read_text(path, LARGEST_FILE)
-    except FileNotFoundError:
-        raise InvalidInput(f"{path}: no such file, expected measurements as CSV") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"{path}: cannot be read as text ({error.__class__.__name__}), expected CSV") from None
     reader = csv.reader(text.splitlines())
     numbered = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     numbered = [(line, row) for line, row in numbered if not row[0].lstrip().startswith("#")]
     lines, rows = [line for line, _ in numbered], [row for _, row in numbered]
     if len(rows) < 2:
         raise InvalidInput(f"{path}: found no rows, expected a line of column names and measurements under it")
+    if len(rows[0]) == 1:
+        for separator, name in ((";", "';'"), ("\t", "a tab")):
+            if separator in rows[0][0]:
+                raise InvalidInput(
+                    f"{path}: found {name} between the columns, expected ',' and numbers with a decimal point"
+                )
     columns = [_column(path, cell) for cell in rows[0]]
     names = [name for name, _ in columns]
     for name in names:

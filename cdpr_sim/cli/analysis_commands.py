@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
+from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, pose_of, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts
 
 BYTES_PER_START = 1000
@@ -38,11 +38,13 @@ def compensate(
     Exit status: 0 if the commanded pose is held, 1 if only a nearby pose can be held or MuJoCo does not confirm it, 2
     for invalid input.
     """
+    from cdpr_sim.core.pretension import without_pretension
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report.crosscheck_tables import lead
 
-    problem = problem_of(robot, pose, material)
+    machine = without_pretension(robot_of(robot, material))  # its own tensions are computed
+    problem = cdpr.Problem.of(machine, pose_of(pose) or tuple(machine.home))
     with busy("Computing tensions"):
         compensation = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
         verification = cdpr.verify_compensation(compensation)
@@ -69,6 +71,7 @@ def sensitivity(
     robot: RobotName,
     pose: Pose = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     rows: Annotated[int, typer.Option("--rows", min=1, help="Number of rows, the largest effects first.")] = 20,
     as_json: AsJson = False,
 ) -> None:
@@ -76,7 +79,7 @@ def sensitivity(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    problem = problem_of(robot, pose, material)
+    problem = problem_of(robot, pose, material, pretension)
     with busy("Solving"):
         answer = cdpr.sensitivity(problem)
         effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
@@ -91,6 +94,7 @@ def equilibria(
     robot: RobotName,
     pose: Pose = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     saddles: Annotated[bool, typer.Option("--saddles", help="Search for unstable equilibria as well.")] = False,
     starts: Annotated[int, typer.Option("--starts", help="Number of start poses.")] = 2000,
     certify: Annotated[bool, typer.Option("--certify", help="Prove the list of equilibria complete.")] = False,
@@ -104,7 +108,7 @@ def equilibria(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    problem = problem_of(robot, pose, material)
+    problem = problem_of(robot, pose, material, pretension)
     if starts < 1:
         raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
     free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
@@ -153,6 +157,7 @@ def identify(
         typer.Option("--unknown", help="axial_stiffness (default), mass, force_gains, ...; repeatable."),
     ] = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     position_error: Annotated[float | None, _error("--position-error", "a measured coordinate [mm]")] = None,
     rotation_error: Annotated[float | None, _error("--rotation-error", "a measured angle [°]")] = None,
     tension_error: Annotated[float | None, _error("--tension-error", "a measured tension [N]")] = None,
@@ -173,7 +178,7 @@ def identify(
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
-    machine = robot_of(robot, material)
+    machine = robot_of(robot, material, pretension=pretension)
     measurements = cdpr.read_measurements(file)
     with busy("Fitting"):
         result = cdpr.identify(

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.command_classes import numbers_in
-from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
+from cdpr_sim.cli.options import AsJson, MaterialName, Pretension, RobotName, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts, progress_bars
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def design(
         ),
     ] = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     seed: Seed = 0,
     generations: Generations = 200,
     store: Annotated[
@@ -137,7 +138,7 @@ def design(
             check_place(path, suffixes, force=force, field=name)
     if video is not None:
         extras.require("video", "--video")
-    machine = robot_of(robot, material)
+    machine = robot_of(robot, material, pretension=pretension)
     subject_to = {
         "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
     }  # fmt: skip
@@ -197,6 +198,7 @@ def front(
     line: Line = None,
     points: Points = 18,
     material: MaterialName = None,
+    pretension: Pretension = None,
     seed: Seed = 0,
     generations: Generations = 200,
     max_files: Annotated[
@@ -215,7 +217,7 @@ def front(
     from cdpr_sim.studies.better_layouts import pareto_picture
 
     with new_folder(output):
-        machine = robot_of(robot, material)
+        machine = robot_of(robot, material, pretension=pretension)
         picture = output / "front.png"
         refuse_existing(
             [picture, *(output / f"robot-{number}.toml" for number in range(1, max_files + 1))], force=force
@@ -262,6 +264,7 @@ def clearances(
         ),
     ] = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     picture: Annotated[
         Path | None, typer.Option("-o", "--output", help="Map of the interference-free workspace: .png, .svg or .pdf.")
     ] = None,
@@ -275,7 +278,7 @@ def clearances(
     from cdpr_sim.drawing import maps
     from cdpr_sim.report import design_tables as report
 
-    machine = robot_of(robot, material)
+    machine = robot_of(robot, material, pretension=pretension)
     if picture is not None:
         check_place(picture, maps.SUFFIXES, force=force, field="output")
         from cdpr_sim.studies.better_layouts import clearance_map

@@ -72,8 +72,8 @@ def settle(
     if waypoint:
         if pose is not None or certify or details:
             raise cdpr.InvalidInput("--waypoint: found waypoints and --pose, --certify or --all, expected one of them")
-        machine, load = robot_of(robot, material, mass), wrench_of(wrench)
-        _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
+        machine, load = robot_of(robot, material, mass, pretension), wrench_of(wrench)
+        _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), load, as_json)
     problem = problem_of(robot, pose, material, pretension, mass, wrench)
     if certify:
         extras.require("proof", "--certify")
@@ -175,19 +175,14 @@ def certify(
     raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
 
 
-def _settle_along(
-    robot: cdpr.Robot, poses: RigidTransform, pretension: float | None, load: list[float] | None, as_json: bool
-) -> NoReturn:
+def _settle_along(robot: cdpr.Robot, poses: RigidTransform, load: list[float] | None, as_json: bool) -> NoReturn:
     """``settle`` at each pose of a path."""
     from cdpr_sim.crosscheck.check import both
     from cdpr_sim.crosscheck.compare import compare_many
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
 
-    lengths = None
-    if pretension is not None:
-        lengths = [robot.rest_lengths(one, pretension, external_wrench=load) for one in poses]
-    problems = cdpr.Problems.of(robot, poses, lengths, load)
+    problems = cdpr.Problems.of(robot, poses, external_wrench=load)
     with busy("Solving and settling"):
         solved, settled = both(problems, path=bool(robot.cabling.has_memory.any()))
         compared = compare_many(solved, settled)

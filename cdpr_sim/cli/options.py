@@ -67,7 +67,8 @@ Pretension = Annotated[
     float | None,
     typer.Option(
         "--pretension",
-        help="[N] Rest lengths whose tensions at the pose are closest to this value; default: rigid lengths.",
+        help="[N] Rest lengths whose tensions balance the weight at the commanded pose and are closest to this value; "
+        "default: the robot's, or else rigid lengths. --wrench then moves the platform.",
     ),
 ]
 MaterialNames = Annotated[list[str] | None, typer.Option("--material", help="Cable material; repeatable.")]
@@ -157,18 +158,50 @@ def stops(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]]) -> list[tup
     return [(float(at / (path.length or 1.0)), name) for at, name in zip(path.along, names, strict=True)]
 
 
-def robot_of(name: str, material: str | None, mass: float | None = None) -> cdpr.Robot:
-    """Load the robot ``name``, with other cables or another mass [kg] if given; its import notes are printed.
+def robot_of(
+    name: str, material: str | None = None, mass: float | None = None, pretension: float | None = None
+) -> cdpr.Robot:
+    """Load the robot ``name``, with other cables, another mass [kg] or a pretension [N] if given; notes are printed.
+
+    Notes are those of an import, and which numbers of the cables another material does not change.
 
     Raises:
-        CdprError: no such robot or material, or an invalid mass.
+        CdprError: no such robot or material, or an invalid mass or pretension.
     """
     robot = cdpr.load_robot(name)
     for note in robot.notes:
         typer.echo(f"cdpr-sim: note: {note}", err=True)
-    changes = {"material": material, "mass": mass}
+    changes = {"material": material, "mass": mass, "pretension": pretension}
     changes = {field: value for field, value in changes.items() if value is not None}
-    return robot.replace(**changes) if changes else robot
+    if not changes:
+        return robot
+    changed = robot.replace(**changes)
+    if material is not None:
+        note_numbers_by_hand(changed, material)
+    return changed
+
+
+def robots_of(
+    names: Sequence[str], materials: Sequence[str] | None, mass: float | None, pretension: float | None
+) -> list[cdpr.Robot]:
+    """Load robots whose cables a sweep replaces by each of ``materials``; notes as in ``robot_of``."""
+    robots = [robot_of(name, None, mass, pretension) for name in names]
+    for robot in robots:
+        for material in materials or ():
+            note_numbers_by_hand(robot.replace(material=material), material)
+    return robots
+
+
+def note_numbers_by_hand(robot: cdpr.Robot, material: str) -> None:
+    """Print a note about numbers of the cables that were given by hand and so stay with another material."""
+    from cdpr_sim.core.describe import numbers_by_hand
+
+    kept = numbers_by_hand(robot)
+    if kept:
+        typer.echo(
+            f"cdpr-sim: note: {robot.name}: given by hand, and not changed by --material {material}: {', '.join(kept)}",
+            err=True,
+        )
 
 
 def problem_of(
@@ -179,13 +212,11 @@ def problem_of(
     mass: float | None = None,
     wrench: str | None = None,
 ) -> cdpr.Problem:
-    """Problem of the robot ``name`` at ``pose``, with rigid lengths or with those for a pretension [N] at that pose.
+    """Problem of the robot ``name`` at ``pose``, with its rest lengths there.
 
     Raises:
         CdprError: no such robot or material, an invalid mass, pose or wrench, or a pretension that does not balance the
             platform.
     """
-    robot, load = robot_of(name, material, mass), wrench_of(wrench)
-    at = pose_of(pose) or tuple(robot.home)
-    lengths = None if pretension is None else robot.rest_lengths(at, pretension, external_wrench=load)
-    return cdpr.Problem.of(robot, at, lengths, load)
+    robot, load = robot_of(name, material, mass, pretension), wrench_of(wrench)
+    return cdpr.Problem.of(robot, pose_of(pose) or tuple(robot.home), external_wrench=load)

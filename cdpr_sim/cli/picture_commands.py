@@ -17,6 +17,7 @@ from cdpr_sim.cli.options import (
     Mass,
     MaterialName,
     Pose,
+    Pretension,
     RobotName,
     Waypoints,
     Wrench,
@@ -71,6 +72,7 @@ def video(
     ] = None,
     waypoint: Waypoints = None,
     mass: Mass = None,
+    pretension: Pretension = None,
     wrench: Wrench = None,
     drop: Annotated[
         bool,
@@ -119,7 +121,7 @@ def video(
         states = writing.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         writing.check_count(len(wanted))
-        machines = [robot_of(name, cables, mass) for name, cables, _ in wanted]
+        machines = [robot_of(name, cables, mass, pretension) for name, cables, _ in wanted]
         load, through = wrench_of(wrench), waypoints_of(waypoint)
         if through and not (path is None and y is None and z is None):
             raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
@@ -173,6 +175,7 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .html.")] = Path("report.html"),
     pose: Pose = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     grid: Annotated[
         tuple[int, int, int] | None,
         typer.Option("--grid", metavar="NX NY NZ", help="Number of poses settled in MuJoCo; default: 7 5 4."),
@@ -189,7 +192,7 @@ def report(
     with tidy_when_terminated(), busy("Loading") as status:
         cdpr.write_report(
             output,
-            robot_of(robot, material),
+            robot_of(robot, material, pretension=pretension),
             pose_of(pose),
             grid=grid,
             video=video,

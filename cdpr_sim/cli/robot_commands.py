@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import Mass, MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, print_listing
+from cdpr_sim.cli.options import AsJson, Mass, MaterialName, Pose, Pretension, RobotName, pose_of, problem_of, robot_of
+from cdpr_sim.cli.terminal import DISAGREE, print_json, print_listing, print_parts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,15 +35,28 @@ def robots() -> None:
 
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the robot; writes NAME.toml in this folder.")],
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="ROBOT", help="Copy this robot, of the catalogue or a file, instead."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a commented robot file to start from; it is valid as it is."""
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.robots import robot_file
 
-    path = Path(name if name.endswith(".toml") else f"{name}.toml")
-    text = robot_file.template(path.stem)
+    path = Path(f"{name.removesuffix('.toml')}.toml")
+    called = path.name.removesuffix(".toml")
+    if not called.strip():
+        raise cdpr.InvalidInput(f"name: found {name!r}, expected a name of the robot, as in `cdpr-sim new mine`")
+    text = robot_file.template(called) if source is None else robot_file.copied(source, called)
     write_whole({check_place(path, [".toml"], force=force): text.encode()})
+    if called in cdpr.list_robots():
+        typer.echo(
+            f"cdpr-sim: note: {called} is a robot of the catalogue as well: commands take the name for that robot, and "
+            f"{path} for this file",
+            err=True,
+        )
     typer.echo(f"{path}: now `cdpr-sim show {path}` and `cdpr-sim settle {path}`")
 
 
@@ -66,23 +79,35 @@ def show(
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .png.")] = Path("robot.png"),
     pose: Pose = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Draw a robot at the commanded pose, with cable numbers at exits and anchors; several robots in one figure."""
+    """Describe a robot, and draw it with cable numbers at exits and anchors; or draw several robots in one figure."""
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import still
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report.robot_tables import robot_table
 
     check_place(output, [".png"], force=force)
     if robots and len(robots) == 1:
-        problem = problem_of(robots[0], pose, material)
-        figure = still.draw(problem.robot, problem.pose)
+        robot = robot_of(robots[0], material, pretension=pretension)
+        if as_json:
+            print_json(json_of.robot(robot))
+        else:
+            print_parts(robot_table(robot))
+        figure = still.draw(robot, robot.pose(pose_of(pose) or tuple(robot.home)))
     else:
         if pose is not None:
             raise cdpr.InvalidInput("--pose: found a pose and several robots, expected one robot")
+        if as_json or pretension is not None:
+            option = "--json" if as_json else "--pretension"
+            raise cdpr.InvalidInput(f"{option}: found it with several robots, expected one robot")
         everyone = [robot.name for kind in _by_kind().values() for robot in kind]
         figure = still.sheet([robot_of(name, material) for name in robots or everyone])
     write_whole({output: still.encoded(figure)})
-    typer.echo(output)
+    if not as_json:
+        typer.echo(output)
 
 
 def import_file(
@@ -181,14 +206,14 @@ def models(
     raise typer.Exit(DISAGREE if stale else 0)
 
 
-def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> None:
+def view(robot: RobotName, pose: Pose = None, material: MaterialName = None, pretension: Pretension = None) -> None:
     """Open the robot in MuJoCo's viewer, with a slider for each winch.
 
     A slider's 0 is the length at the commanded pose; moving it to the right winds the cable in.
     """
     from cdpr_sim.physics.viewer import open_viewer
 
-    open_viewer(problem_of(robot, pose, material))
+    open_viewer(problem_of(robot, pose, material, pretension))
 
 
 def _renewed(

@@ -15,12 +15,13 @@ from cdpr_sim.cli.options import (
     MaterialNames,
     Orientation,
     PathPoints,
+    Pretension,
     RobotNames,
     Waypoints,
     Wrench,
     Wrenches,
     along,
-    robot_of,
+    robots_of,
     stops,
     waypoints_of,
     wrench_of,
@@ -42,6 +43,7 @@ def sweep(
     robot: RobotNames,
     grid: Grid = None,
     material: MaterialNames = None,
+    pretension: Pretension = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -59,10 +61,10 @@ def sweep(
     ] = False,
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
-    from cdpr_sim.analysis.workspace.sweep import as_robots, default_quantities
+    from cdpr_sim.analysis.workspace.sweep import default_quantities
     from cdpr_sim.report import workspace_tables as report
 
-    robots = as_robots(robot)
+    robots = robots_of(robot, material, None, pretension)
     dataset = cdpr.sweep(
         robots,
         grid,
@@ -86,6 +88,7 @@ def draw_map(
         "map.png"
     ),
     material: MaterialNames = None,
+    pretension: Pretension = None,
     plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
     at: Annotated[float | None, typer.Option("--at", help="Position of the plane [m]; default: the middle.")] = None,
     points: Annotated[int, typer.Option("--points", help="Number of poses along the longer side.")] = 181,
@@ -104,7 +107,7 @@ def draw_map(
     from cdpr_sim.drawing import maps, path_maps
 
     check_place(output, maps.SUFFIXES, force=force, field="output")
-    robots = [robot_of(name, None, mass) for name in robot]
+    robots = robots_of(robot, material, mass, pretension)
     if points > MOST_POINTS:
         raise cdpr.InvalidInput(
             f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
@@ -147,6 +150,7 @@ def check(
     robot: RobotNames,
     grid: Grid = None,
     material: MaterialNames = None,
+    pretension: Pretension = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Map of the agreement, seen along y.")] = None,
     certify: Annotated[
         bool, typer.Option("--certify", help="Prove the equilibria of both methods (extra proof), 0.03 s a pose.")
@@ -165,7 +169,7 @@ def check(
 
     if output is not None:
         check_place(output, maps.SUFFIXES, force=force, field="output")
-    robots, through = [robot_of(name, None, mass) for name in robot], waypoints_of(waypoint)
+    robots, through = robots_of(robot, material, mass, pretension), waypoints_of(waypoint)
     if through and output is not None:
         raise cdpr.InvalidInput("--output: found one for a path, expected a grid: a map shows a plane of it")
     result = cdpr.check(

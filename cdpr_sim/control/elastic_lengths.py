@@ -37,7 +37,7 @@ class ElasticLengths:
             (cables,) [m], the compensated rest lengths at the first pose.
         """
         self._plan = Plan.of(self.robot, reference, self.tension_limits)
-        return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
+        return self._plan.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Float[np.ndarray, " cables"]:
         """The lengths at ``pose``, with the correction of the reference motion at ``time``.
@@ -45,4 +45,4 @@ class ElasticLengths:
         Returns:
             (cables,) rest lengths [m].
         """
-        return self.robot.rest_lengths(pose) + self._plan.at(time)[0]
+        return self._plan.robot.rest_lengths(pose) + self._plan.at(time)[0]

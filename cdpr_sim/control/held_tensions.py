@@ -14,6 +14,7 @@ from cdpr_sim.control.plan import Limits
 from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.memory import without_memory
+from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
@@ -40,6 +41,7 @@ class HeldTensions:
     robot: Robot
     tension_limits: Limits | None = None
     _reference: Reference = field(init=False, repr=False)
+    _rigid: Robot = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         checked_limits(self.robot, self.tension_limits)
@@ -50,9 +52,9 @@ class HeldTensions:
         Returns:
             (cables,) rest lengths [m].
         """
-        self._reference = reference
+        self._reference, self._rigid = reference, without_pretension(self.robot)
         return compensate(
-            without_memory(self.robot), reference.pose(0.0), tension_limits=self.tension_limits
+            without_memory(self._rigid), reference.pose(0.0), tension_limits=self.tension_limits
         ).rest_lengths
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
@@ -61,7 +63,7 @@ class HeldTensions:
         Returns:
             Tensions [N] for all winches.
         """
-        robot = self.robot
+        robot = self._rigid
         rotation, free, units = pose.rotation.as_matrix(), robot.free, robot.units
         inertia = -robot.mass * self._reference.acceleration(time)
         problem = Problem.of(

@@ -63,7 +63,7 @@ class LengthsAndTensions:
         else:
             chosen = [cable - 1 for cable in self.by_tension]
         self._held = np.isin(np.arange(self.robot.cables), chosen)
-        return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
+        return self._plan.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
         """The lengths at ``pose``, with the correction of the reference at ``time``; and its tensions at that time.
@@ -72,7 +72,7 @@ class LengthsAndTensions:
             Lengths [m] for some winches and tensions [N] for the others.
         """
         correction, tensions = self._plan.at(time)
-        return Command(self.robot.rest_lengths(pose) + correction, tensions, self._held)
+        return Command(self._plan.robot.rest_lengths(pose) + correction, tensions, self._held)
 
 
 def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tuple[int, ...]:

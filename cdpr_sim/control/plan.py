@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.analysis.compensation import Compensation, compensate
 from cdpr_sim.core.controller import Reference
 from cdpr_sim.core.memory import without_memory
+from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.robot import Robot
 
 SPACING = 0.02
@@ -28,6 +29,7 @@ class Plan:
     """Compensations at knots of a reference motion, interpolated in between.
 
     Attributes:
+        robot: the controller's model, on elastic cables without pretension.
         reference: the reference motion.
         knots: fractions of its time, (knots,).
         compensations: one per knot.
@@ -35,6 +37,7 @@ class Plan:
         tensions: (knots, cables) [N].
     """
 
+    robot: Robot
     reference: Reference
     knots: Float[np.ndarray, " knots"]
     compensations: tuple[Compensation, ...]
@@ -49,13 +52,13 @@ class Plan:
             InvalidInput: an invalid pose or invalid limits.
             NotConverged: a pose near which no tensions within limits hold the platform.
         """
-        robot = without_memory(robot)
+        robot = without_pretension(without_memory(robot))
         knots = np.linspace(0, 1, 1 + int(np.ceil(reference.path.length / SPACING)))
         poses = reference.path.at(knots)
         found = tuple(_compensated(robot, pose.as_matrix().tobytes(), tension_limits) for pose in poses)
         rigid = np.array([robot.rest_lengths(pose) for pose in poses])
         corrections = np.array([one.rest_lengths for one in found]) - rigid
-        return cls(reference, knots, found, corrections, np.array([one.tensions for one in found]))
+        return cls(robot, reference, knots, found, corrections, np.array([one.tensions for one in found]))
 
     def at(self, time: float) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
         """Correction of the rigid lengths [m], and tensions [N], at ``time`` [s]."""

@@ -17,8 +17,10 @@ from cdpr_sim.core.robot import Robot
 class RigidLengths:
     """Winches let out the distance from exit to anchor at the reference pose (paper Eq. 1, 2).
 
+    If the model has a pretension, they let out its ``rest_lengths`` at the reference pose.
+
     Attributes:
-        robot: the controller's model of the robot; only its geometry is used.
+        robot: the controller's model of the robot; without pretension, only its geometry is used.
     """
 
     robot: Robot

@@ -160,16 +160,17 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
 
 
 def wrench_matrix(
-    cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "6 cables"]:
+    cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
+) -> Float[np.ndarray, "*batch 6 cables"]:
     """W, whose column i is nᵢ (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in rope i (paper Eq. 4).
 
     nᵢ is its number of parts of line.
     """
-    arms = cabling.anchors @ rotation.T
-    _, *free_piece, free_length = paths(cabling, cabling.exits - position - arms)[:5]
-    directions = (cabling.reeving * (np.array(free_piece) / free_length)).T
-    return np.hstack([directions, np.cross(arms, directions)]).T
+    arms = cabling.anchors @ np.swapaxes(rotations, -1, -2)
+    _, *free_piece, free_length = paths(cabling, cabling.exits - positions[..., None, :] - arms)[:5]
+    directions = np.moveaxis(cabling.reeving * (np.array(free_piece) / free_length), 0, -1)
+    arms = np.broadcast_to(arms, directions.shape)
+    return np.swapaxes(np.concatenate([directions, np.cross(arms, directions)], axis=-1), -1, -2)
 
 
 def lengths(

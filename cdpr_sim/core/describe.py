@@ -40,8 +40,8 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     """Properties in which cables differ from massless linear ones from points: mass, law, pulleys, drive line, memory.
 
     "0.5 g/m", "nonlinear with a2 = 20, a3 = 0", "over pulleys of 20 mm radius", "6 m from winch to exit", "2 parts of
-    line", "2 % friction at the exit", "10 % of EA with hysteresis", "25 % of the stretch as creep"; with the number of
-    cables if not all.
+    line", "2 % friction at the exit", "10 % of EA with hysteresis", "25 % of the stretch as creep", "200 N of
+    pretension"; with the number of cables if not all.
     """
     cabling, parts = robot.cabling, []
     if not cabling.massless:
@@ -67,7 +67,43 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
         which = cabling.has(name)
         if which.any():
             parts.append(f"{span(100 * shares[which])} {unit}{_some(which)}")
+    if robot.pretension is not None:
+        parts.append(f"{robot.pretension:g} N of pretension")
     return tuple(parts)
+
+
+NUMBERS = {"axial_stiffness": "EA", "linear_density": "mass per length", "breaking_load": "breaking load"}
+"""Fields of cables that a material gives, in words."""
+
+
+def describe_origins(robot: Robot) -> str:
+    """Which numbers of the cables are those of a material, and which were given by hand.
+
+    "EA, breaking load of steel-rope-4mm; by hand: mass per length"; the mass per length counts if it is not 0, and the
+    breaking load if it is known.
+    """
+    of = _by_origin(robot)
+    by_hand = of.pop(None, [])
+    parts = [f"{', '.join(labels)} of {name}" for name, labels in of.items()]
+    return "; ".join(parts + ([f"by hand: {', '.join(by_hand)}"] if by_hand else []))
+
+
+def numbers_by_hand(robot: Robot) -> list[str]:
+    """Numbers of the cables that were given by hand: "mass per length (3 of 8)"."""
+    return _by_origin(robot).get(None, [])
+
+
+def _by_origin(robot: Robot) -> dict[str | None, list[str]]:
+    """Labels of numbers by the material from which they came."""
+    found: dict[str | None, list[str]] = {}
+    for field, label in NUMBERS.items():
+        values, names = getattr(robot, field), robot.from_material.get(field, (None,) * robot.cables)
+        known = np.isfinite(values) & (values > 0)
+        for name in dict.fromkeys(names):
+            which = known & np.array([one == name for one in names])
+            if which.any():
+                found.setdefault(name, []).append(f"{label}{_some(which)}")
+    return found
 
 
 def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:

@@ -32,15 +32,61 @@ def read_bytes(path: Path, most: int) -> bytes:
 
     Raises:
         OSError: no such file, or one that cannot be read.
-        InvalidInput: not a file, or one that is too large: a device, a picture, a mistake.
+        InvalidInput: not a file, or one that is too large: a device, a picture, a mistake; a pipe without a writer.
     """
     if path.exists() and not (path.is_file() or path.is_fifo()) and not path.is_dir():
         raise InvalidInput(f"{path}: found a device, expected a file")
-    with open(path, "rb") as file:
+    # Opening a pipe to which nothing writes would wait without end.
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        os.set_blocking(file.fileno(), True)
         content = file.read(most + 1)
+    if not content and path.is_fifo():
+        raise InvalidInput(f"{path}: found a pipe to which nothing writes, expected a file")
     if len(content) > most:
         raise InvalidInput(f"{path}: found more than {most / 1e6:g} MB, expected a file of text")
     return content
+
+
+@contextmanager
+def readable(label: str | Path) -> Iterator[None]:
+    """Report a file that is missing or cannot be read as text in one sentence, which begins with ``label``.
+
+    Raises:
+        InvalidInput: such a file.
+    """
+    try:
+        yield
+    except FileNotFoundError:
+        raise InvalidInput(f"{label}: no such file") from None
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{label}: found bytes that are not UTF-8, expected text") from None
+    except OSError as error:
+        raise InvalidInput(f"{label}: cannot be read: {error.strerror or error}") from None
+
+
+def refuse_irregular(path: Path) -> None:
+    """Refuse what exists and is no file, before it is opened: a pipe would be waited for.
+
+    Raises:
+        InvalidInput: a pipe, a device or a folder.
+    """
+    if path.exists() and not path.is_file():
+        what = "a folder" if path.is_dir() else "a pipe or a device"
+        raise InvalidInput(f"{path}: found {what}, expected a file or a new name")
+
+
+def target(path: Path) -> Path:
+    """The file that is written for ``path``: of a symbolic link, what it points to, so that the link stays.
+
+    Raises:
+        InvalidInput: links that point to one another.
+    """
+    if not path.is_symlink():
+        return path
+    real = Path(os.path.realpath(path))
+    if real.is_symlink():
+        raise InvalidInput(f"{path}: found symbolic links that point to one another, expected a file or a new name")
+    return real
 
 
 def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = False, field: str = "") -> Path:
@@ -62,10 +108,7 @@ def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = Fals
             raise InvalidInput(f"{field}: found {path.name!r}, expected a name that ends in {expected}")
         found = f"found the suffix {path.suffix!r}" if path.suffix else "found no suffix"
         raise InvalidInput(f"{path}: {found}, expected {expected}")
-    if path.is_dir():
-        raise InvalidInput(f"{path}: found a folder, expected a file")
-    if path.exists() and not path.is_file():
-        raise InvalidInput(f"{path}: found a pipe or a device, expected a file or a new name")
+    refuse_irregular(path)
     if field and path.exists() and not force:
         raise InvalidInput(f"{field}: {path} exists; expected a new name, or --force to replace it")
     refuse_existing([path], force=force)
@@ -81,13 +124,16 @@ def refuse_unwritable(path: Path) -> None:
     Raises:
         InvalidInput: it cannot.
     """
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise InvalidInput(f"{path}: cannot be written: the folder {str(path.parent)!r} is read-only")
+    written = target(path)
+    if not written.parent.is_dir():
+        raise InvalidInput(f"{path}: found no folder {str(written.parent)!r}, to which it links, expected one")
+    if not os.access(written.parent, os.W_OK | os.X_OK):
+        raise InvalidInput(f"{path}: cannot be written: the folder {str(written.parent)!r} is read-only")
     try:
-        with tempfile.TemporaryFile(dir=path.parent):
+        with tempfile.TemporaryFile(dir=written.parent):
             pass
         with suppress(FileNotFoundError):
-            os.lstat(path)  # its name may be too long
+            os.lstat(written)  # its name may be too long
     except OSError as error:
         raise _unwritable(path, error) from None
 
@@ -139,6 +185,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
 def appearing(*paths: Path) -> Iterator[list[Path]]:
     """Temporary files beside ``paths``, to write to; they replace ``paths`` after success, and are removed otherwise.
 
+    Of a symbolic link, the file to which it points is replaced.
+
     Raises:
         InvalidInput: a place that cannot be written; existing files are unchanged.
         StoreError: a full disk or the like; existing files are unchanged.
@@ -147,13 +195,15 @@ def appearing(*paths: Path) -> Iterator[list[Path]]:
     path = Path()
     try:
         for path in paths:
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix.lower())
+            handle, name = tempfile.mkstemp(
+                dir=target(path).parent, prefix=f".{path.stem}-", suffix=path.suffix.lower()
+            )
             os.close(handle)
             temporaries.append(Path(name))
         yield temporaries
         for path, temporary in zip(paths, temporaries, strict=True):
             os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
+            os.replace(temporary, target(path))
     except StoreError:  # an OSError whose message is complete
         raise
     except OSError as error:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from cdpr_sim.core.checks import refuse_unless
-from cdpr_sim.core.errors import UnknownName
+import numpy as np
+
+from cdpr_sim.core.checks import checked_label, listed, one_of, refuse_unless
+from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.plausibility import checked_diameter
 
 
@@ -194,5 +198,88 @@ def load_material(name: str) -> Material:
     sized = _OF_A_DIAMETER.fullmatch(name)
     if sized and sized[1] in ROPES:
         return ROPES[sized[1]].of(float(sized[2]) / 1e3)
-    known = [*MATERIALS, *(f"{rope}-2mm" for rope in ROPES)]
-    raise UnknownName("material", name, known, f"; a rope has any diameter, dyneema-1.5mm; {OTHERWISE}")
+    diameter = sized[2] if sized else "2"
+    known = [*MATERIALS, *(f"{rope}-{diameter}mm" for rope in ROPES)]
+    meant = [f"{rope}-{diameter}mm" for rope in ROPES if (sized[1] if sized else name) in rope.split("-")]
+    raise UnknownName("material", name, known, f"; a rope has any diameter, dyneema-1.5mm; {OTHERWISE}", meant)
+
+
+Origin = str | tuple[str | None, ...]
+"""The material from which a number of all cables came, or that of each cable; None for a number given by hand."""
+
+OF_MATERIAL = ("axial_stiffness", "linear_density", "breaking_load")
+"""Fields of cables that a material gives."""
+
+
+def is_of_material(value: Any) -> bool:
+    """Whether ``value`` is "material", or has it in the place of some cable's number."""
+    if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype.kind in "OU"):
+        return any(isinstance(one, str) and one == "material" for one in value)
+    return isinstance(value, str) and value == "material"
+
+
+def with_numbers(given: Mapping[str, Any], cables: int) -> dict[str, Any]:
+    """Arguments of a robot with the materials' numbers in the place of "material"; ``from_material`` says which.
+
+    ``breaking_load`` is by default that of the material from which the cable's stiffness came, and infinite otherwise.
+
+    Raises:
+        InvalidInput: "material" without a material, or one whose number is not known.
+        UnknownName: no such material or field.
+    """
+    origins: dict[str, Origin] = {}
+    for field, names in (given["from_material"] or {}).items():
+        one_of("field of a material", field, OF_MATERIAL)
+        each = (names,) * cables if isinstance(names, str) else tuple(listed("from_material", names, "names"))
+        if len(each) != cables:
+            raise InvalidInput(f"from_material: found {len(each)} names of {field}, expected one for each cable")
+        for name in filter(None, each):
+            checked_label("from_material", name)
+        if any(each):
+            origins[field] = names if isinstance(names, str) else each
+    found = dict(given)
+    for field in OF_MATERIAL:
+        value, stiff = given[field], origins.get("axial_stiffness")
+        if field == "breaking_load" and value is None:
+            value = ["material" if name else np.inf for name in each_of(stiff, cables)]
+            value = value[0] if len(set(value)) == 1 else value
+        if not is_of_material(value):
+            found[field] = value
+            continue
+        if isinstance(value, str):
+            wanted = each_of(stiff, cables) if stiff else (given["material"],) * cables
+            numbers = [_number(field, name) for name in dict.fromkeys(wanted)]
+            if len(numbers) == 1:
+                found[field], origins[field] = numbers[0], _material_of(field, wanted[0]).name
+                continue
+            value = ["material"] * cables
+        if len(value) != cables:
+            raise InvalidInput(f"{field}: found {len(value)} entries, expected one for each of {cables} cables")
+        own = [isinstance(one, str) and one == "material" for one in value]
+        names = each_of(stiff, cables)
+        wanted = [(names[i] or given["material"]) if own[i] else None for i in range(cables)]
+        found[field] = [_number(field, wanted[i]) if own[i] else value[i] for i in range(cables)]
+        origins[field] = tuple(_material_of(field, one).name if own[i] else None for i, one in enumerate(wanted))
+    found["from_material"] = origins
+    return found
+
+
+def each_of(origin: Origin | None, cables: int) -> tuple[str | None, ...]:
+    """The material's name of each cable; None for a number given by hand."""
+    return (origin,) * cables if origin is None or isinstance(origin, str) else origin
+
+
+def _material_of(field: str, name: str | None) -> Material:
+    if name is None:
+        raise InvalidInput(f"{field}: found 'material' without a material, expected the name of one as well")
+    return load_material(name)
+
+
+def _number(field: str, name: str | None) -> float:
+    made = _material_of(field, name)
+    number = getattr(made, field)
+    if number is None and field == "linear_density":
+        raise InvalidInput(
+            f"linear_density: found 'material', expected a number [kg/m]: the mass of {made.name} is not known"
+        )
+    return np.inf if number is None else number

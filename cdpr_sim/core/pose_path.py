@@ -7,8 +7,8 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
-from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.pretension import commanded_lengths, without_pretension
 from cdpr_sim.core.robot import Robot
 
 
@@ -22,14 +22,14 @@ class PosePath:
         robot: robot whose winches follow the path.
         poses: at least one.
         rest_lengths: rest lengths at each pose, (poses, cables) [m]; between two poses, their difference from the rigid
-            lengths is interpolated linearly. Default: the rigid lengths.
+            lengths is interpolated linearly. Default: ``robot.rest_lengths`` at every pose, rigid without pretension.
 
     Raises:
         InvalidInput: rest lengths that do not fit.
     """
 
     def __init__(self, robot: Robot, poses: list[RigidTransform], rest_lengths: ArrayLike | None = None) -> None:
-        self.robot = robot
+        self.robot = robot if rest_lengths is None else without_pretension(robot)
         self.positions = np.array([pose.translation for pose in poses])
         rotations = Rotation.concatenate([pose.rotation for pose in poses])
         turns = (rotations[1:] * rotations[:-1].inv()).magnitude() if len(poses) > 1 else np.zeros(0)
@@ -41,7 +41,7 @@ class PosePath:
         corrections = np.zeros((len(poses), robot.cables))
         if rest_lengths is not None:
             given = checked_array("rest_lengths", rest_lengths, (len(poses), robot.cables))
-            corrections = given - [robot.rest_lengths(pose) for pose in poses]
+            corrections = given - [self.robot.rest_lengths(pose) for pose in poses]
         self.corrections = corrections[moving]
         self.rotations = Rotation.from_quat(rotations.as_quat()[moving])
         self.length = float(self.along[-1])
@@ -65,9 +65,9 @@ class PosePath:
     def winches(self, fractions: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps cables"]:
         """Rest lengths let out after these fractions of the time [m]."""
         commanded = self.at(fractions)
-        rigid = cable_path.lengths(self.robot.cabling, commanded.translation, commanded.rotation.as_matrix())
+        lengths = commanded_lengths(self.robot, commanded.translation, commanded.rotation.as_matrix())
         along = self._along(fractions)
-        return rigid + np.stack([np.interp(along, self.along, column) for column in self.corrections.T], axis=1)
+        return lengths + np.stack([np.interp(along, self.along, column) for column in self.corrections.T], axis=1)
 
     def _along(self, s: Float[np.ndarray, " steps"]) -> Float[np.ndarray, " steps"]:
         return self.length * s**3 * (10 - 15 * s + 6 * s**2)

@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import COLUMNS, DOWN, MOST_STRAIN, STIFFNESS, WEIGHT, WRAPPED, Cabling, Rows
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.cable import COLUMNS, DOWN, STIFFNESS, STIFFNESS_RANGE, WEIGHT, WRAPPED, Cabling, Rows
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -29,13 +29,14 @@ from cdpr_sim.core.checks import (
     one_of,
     positive,
     refuse_far,
+    refuse_unless,
 )
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.materials import load_material
+from cdpr_sim.core.materials import OF_MATERIAL, Origin, each_of, is_of_material, load_material, with_numbers
 from cdpr_sim.core.plausibility import OUTSIDE, implausibilities, warn
 from cdpr_sim.core.pose import Pose, PoseLike
-from cdpr_sim.core.with_mass import WithMass
+from cdpr_sim.core.pretension import lengths_under
 
 Mobility = Literal["spatial", "planar"]
 Kind = Literal["suspended", "fully constrained", "under-actuated"]
@@ -59,13 +60,6 @@ LEAST_LENGTH = 1e-9
 """[m] The shortest edge of a platform; and the smallest distance of the farthest anchor from its origin, unless it is
 0."""
 
-BALANCED = 1e-3
-"""Fraction of the largest tension that given tensions may leave unbalanced. Four digits of a printed table suffice."""
-
-DIRECTIONS, SETTLED = 30, 1e-12
-"""Choices of tensions nearest to a pretension, of cables with mass, each with the directions of the last, which come
-nearer tenfold or more; and the fraction of the load that may then be left unbalanced."""
-
 MOST_GRAVITY = 1e6
 """[m/s²]"""
 
@@ -81,9 +75,10 @@ class Robot(HtmlRepr):
     Args:
         exits: exit points A_i in the base frame, (cables, 3) [m].
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
-        axial_stiffness: EA [N], one number or one per cable.
+        axial_stiffness: EA [N], one number or one per cable; or "material".
         mass: mass of the platform [kg].
-        linear_density: mass per length of the cables [kg/m], one number or one per cable; 0 is a massless cable.
+        linear_density: mass per length of the cables [kg/m], one number or one per cable; 0 is a massless cable; or
+            "material".
         pulley_radius: radius of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
         pulley_axis: direction in which the cable arrives at its wheel, (3,) or (cables, 3).
         stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable;
@@ -93,7 +88,8 @@ class Robot(HtmlRepr):
             without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
             the equilibrium.
         breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if
-            unknown. Equilibria report overloaded cables. All three are limits of the rope's tension, as ``tensions``.
+            unknown; default: that of the material, if the axial stiffness is the material's. Equilibria report
+            overloaded cables. All three are limits of the rope's tension, as ``tensions``.
         winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
@@ -118,7 +114,15 @@ class Robot(HtmlRepr):
             to the floor z = 0.
         workspace: two opposite corners of the box in which studies command the platform, (2, 3) [m]; default: the
             middle of the frame.
-        material: name of the cables; for display only (``replace(material=...)`` sets the stiffness too).
+        material: name of the cables. ``axial_stiffness``, ``linear_density`` and ``breaking_load`` that are "material",
+            for all cables or in the place of one, are those of this material; with numbers, the name is for display.
+            ``replace(material=...)`` changes the stiffness, and of the other two what came from a material.
+        from_material: names of the materials from which numbers came, by the names of those three fields, each one for
+            all cables or one per cable, None for a number given by hand; ``load_robot`` sets it. As an attribute, with
+            a name for each cable.
+        pretension: [N] rest lengths at a commanded pose are those whose tensions balance the weight there and are
+            closest to this value (``rest_lengths``); default: None, those of rigid cables. An external wrench is no
+            part of that load: it moves the platform.
         description: one line.
         source: source of the numbers.
         notes: properties of another project's file that this robot does not have, a sentence each; and assumptions.
@@ -153,6 +157,8 @@ class Robot(HtmlRepr):
     frame: Float[np.ndarray, "2 3"]
     workspace: Float[np.ndarray, "2 3"]
     material: str | None
+    from_material: Mapping[str, tuple[str | None, ...]]
+    pretension: float | None
     description: str
     source: str
     notes: tuple[str, ...]
@@ -171,7 +177,7 @@ class Robot(HtmlRepr):
         stiffening: ArrayLike = (0.0, 0.0),
         force_min: ArrayLike = 0.0,
         force_max: ArrayLike = np.inf,
-        breaking_load: ArrayLike = np.inf,
+        breaking_load: ArrayLike | None = None,
         winch_to_exit: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
         pulley_friction: ArrayLike = 0.0,
@@ -186,11 +192,16 @@ class Robot(HtmlRepr):
         frame: ArrayLike | None = None,
         workspace: ArrayLike | None = None,
         material: str | None = None,
+        from_material: Mapping[str, Origin] | None = None,
+        pretension: float | None = None,
         description: str = "",
         source: str = "",
         notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
+        refuse_unless(Mapping | None, from_material=from_material)
+        cables = len(checked_array("exits", exits, (None, 3)))
+        given = with_numbers(given, cables)
         cabling = Cabling.of(given)
         name = checked_name("name", name)
         if material is not None:
@@ -200,6 +211,9 @@ class Robot(HtmlRepr):
         for note in listed("notes", notes, "a list of sentences"):
             checked_text("notes", note)
         one_of("mobility", mobility, get_args(Mobility))
+        if pretension is not None:
+            pretension = float(checked_array("pretension", pretension, ()))
+            in_range("pretension", pretension, 0, STIFFNESS_RANGE[1], "N")
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
         refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
@@ -237,6 +251,8 @@ class Robot(HtmlRepr):
             platform_size=frozen(platform_size),
             frame=frozen(frame),
             workspace=frozen(workspace),
+            pretension=pretension,
+            from_material={name: each_of(origin, cables) for name, origin in given["from_material"].items()},
             notes=tuple(notes),
             _given=given if hasattr(self, "_copied") else copy.deepcopy(given),
         )
@@ -386,10 +402,11 @@ class Robot(HtmlRepr):
     ) -> Float[np.ndarray, " cables"]:
         """Unstretched cable lengths l0 for a pose, (cables,) [m].
 
-        Without tensions, those of rigid cables (paper Eq. 1, 2), with which the equilibrium is below the pose. With
-        tensions, each elastic cable gets the unstretched length with which it has its tension at the pose, which is
-        then an equilibrium: this is how a fully constrained robot is pretensioned. Lengths are from exit to anchor;
-        tensions are those of the ropes, of which ``reeving`` parts pull; of cables with mass, at the platform's end.
+        Without tensions, those of the robot's ``pretension``, which balance the weight, or, if it has none, those of
+        rigid cables (paper Eq. 1, 2), with which the equilibrium is below the pose. With tensions, each elastic cable
+        gets the unstretched length with which it has its tension at the pose, which is then an equilibrium: this is how
+        a fully constrained robot is pretensioned. Lengths are from exit to anchor; tensions are those of the ropes, of
+        which ``reeving`` parts pull; of cables with mass, at the platform's end.
 
         Args:
             pose: the commanded pose.
@@ -418,77 +435,19 @@ class Robot(HtmlRepr):
             raise InvalidInput(
                 f"pose: the exit of cable {cable + 1} lies on its anchor there, expected a cable longer than 0"
             )
-        if tensions is None:
-            if external_wrench is not None:
-                raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
-            return lengths
-        return self._balancing(at, tensions, external_wrench)
-
-    def _balancing(
-        self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
-    ) -> Float[np.ndarray, " cables"]:
-        """Rest lengths for tensions, one per cable, which are checked to balance the load."""
-        wanted = checked_array("tensions", tensions, None)
-        if wanted.ndim:
-            wanted = checked_array("tensions", wanted, (self.cables,))
-        if wanted.min() < 0:
-            raise InvalidInput(f"tensions: found {wanted.min():g} N, expected 0 or more: cables only pull")
-        weight = np.array([0.0, 0.0, -self.weight])
-        load = np.concatenate([weight, np.cross(at.rotation_matrix @ self.center_of_mass, weight)])
+        if tensions is not None:
+            return lengths_under(self, at, tensions, external_wrench)
         if external_wrench is not None:
-            load = load + checked_array("external_wrench", external_wrench, (6,))
-        load = (load / self.units)[self.free]
-        pulls, where = np.broadcast_to(wanted, (self.cables,)).copy(), (at.position, at.rotation_matrix)
-        matrix = (cable_path.wrench_matrix(self.cabling, *where) / self.units[:, None])[self.free]
-        for _ in range(0 if self.cabling.massless else DIRECTIONS):
-            # Cables with mass pull in directions that depend on their tensions.
-            before = pulls
-            if wanted.ndim == 0:
-                pulls = wanted - np.linalg.pinv(matrix) @ (matrix.sum(1) * wanted + load)
-            if pulls.min() < 0:
-                break
-            matrix = (self._cut(at, pulls)[1] / self.units[:, None])[self.free]
-            if wanted.ndim or np.abs(pulls - before).max() <= SETTLED * np.abs(pulls).max():
-                break
-        if wanted.ndim == 0:
-            pulls = wanted - np.linalg.pinv(matrix) @ (matrix.sum(1) * wanted + load)
-        left, scale = np.abs(matrix @ pulls + load).max(), max(np.abs(load).max(), pulls.max())
-        if left > BALANCED * scale:
-            raise InvalidInput(
-                f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
-                "the load there; give one number for the nearest ones, or use compensate for any within limits"
-                if wanted.ndim
-                else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
-                f"push leave {left:.3g} N, expected a pose at which they can carry it"
-            )
-        low, high = self.cabling.force_min, self.cabling.force_max
-        beyond = (pulls < low) | (pulls > high)
-        if wanted.ndim == 0 and beyond.any():
-            cable = int(np.argmax(beyond))
-            raise InvalidInput(
-                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
-                f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
-                "do, and compensate finds tensions within limits"
-            )
-        return self._cut(at, pulls)[0]
-
-    def _cut(
-        self, at: Pose, pulls: Float[np.ndarray, " cables"]
-    ) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, "6 cables"]]:
-        """Rest lengths that give the ropes these tensions at their anchors, and the wrench matrix then."""
-        most = cable_law.largest_tension(*self.cabling.law)
-        if (pulls > most).any():
-            cable = int(np.argmax(pulls > most))
-            raise InvalidInput(
-                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
-                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
-            )
-        return WithMass.cut(self, at.position, at.rotation_matrix, pulls)
+            raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
+        return lengths if self.pretension is None else lengths_under(self, at, self.pretension, None, "pretension")
 
     def replace(self, **changes) -> Robot:
-        """A copy with some fields changed; ``material="fishing-0.4mm"`` sets stiffness and breaking load as well.
+        """A copy with some fields changed; ``material="fishing-0.4mm"`` sets what the material gives.
 
-        With another ``axial_stiffness``, the breaking load becomes unknown, unless it is given too.
+        That is the axial stiffness of all cables; and the mass per length and the breaking load of those cables where
+        these came from a material as well (``from_material``), or where no breaking load is known. Numbers given by
+        hand stay. With another ``axial_stiffness``, a breaking load that came from the material becomes unknown,
+        unless it is given too; the mass per length stays.
 
         What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
 
@@ -496,18 +455,51 @@ class Robot(HtmlRepr):
             The changed copy; this robot stays as it is.
 
         Raises:
-            InvalidInput: an invalid field.
+            InvalidInput: an invalid field; a material whose mass per length is not known, where it came from one.
             UnknownName: no such field or material.
         """
         for name in changes:
+            if name not in FIELDS and name in ("diameter", "modulus"):
+                raise InvalidInput(
+                    f"{name}: found it in replace, expected material='steel-rope-4mm', which has the diameter in its "
+                    "name, or axial_stiffness [N]"
+                )
             one_of("field of a robot", name, FIELDS)
+        given = self._given | copy.deepcopy(changes)
+        if set(changes) & {"material", "from_material", *OF_MATERIAL}:
+            given |= self._materials_after(changes)
+        return _robot_of(given)
+
+    def _materials_after(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Arguments that a material gives, and ``from_material``, after these changes."""
+        given: dict[str, Any] = {}
+        origins = dict(changes.get("from_material", self._given["from_material"]) or {})
+        for name in {*OF_MATERIAL} & {*changes}:
+            if "from_material" not in changes:
+                origins.pop(name, None)
         if changes.get("material") is not None and "axial_stiffness" not in changes:
-            made = load_material(changes["material"])
-            changes["axial_stiffness"] = made.axial_stiffness
-            changes.setdefault("breaking_load", np.inf if made.breaking_load is None else made.breaking_load)
-        elif "axial_stiffness" in changes:
-            changes = {"material": None, "breaking_load": np.inf} | changes
-        return _robot_of(self._given | copy.deepcopy(changes))
+            load_material(changes["material"])
+            given["axial_stiffness"] = "material"
+            for name in {*OF_MATERIAL[1:]} - {*changes}:
+                numbers, names = getattr(self, name), each_of(origins.get(name), self.cables)
+                unknown = np.isinf(numbers)
+                if any(names) or unknown.any():
+                    entries = [
+                        "material" if own or none else float(number)
+                        for own, none, number in zip(names, unknown, numbers, strict=True)
+                    ]
+                    given[name] = "material" if set(entries) == {"material"} else entries
+            origins = {}
+        elif "axial_stiffness" in changes and not is_of_material(changes["axial_stiffness"]):
+            given["material"] = changes.get("material")
+            if "breaking_load" not in changes and (names := origins.pop("breaking_load", None)) is not None:
+                each = each_of(names, self.cables)
+                given["breaking_load"] = [
+                    np.inf if own else float(load) for own, load in zip(each, self.breaking_load, strict=True)
+                ] if isinstance(names, tuple) else np.inf  # fmt: skip
+            if "from_material" not in changes:
+                origins = {}
+        return given | {"from_material": origins}
 
     def __reduce__(self) -> tuple:
         """Copies and pickles are constructed from the arguments, so that their arrays are read-only as well."""

@@ -41,3 +41,4 @@ class Status(enum.IntEnum):
     TOO_SHORT = (
         9, "a cable with mass is so short that the first mass of its chain in MuJoCo could touch its wheel"
     )  # fmt: skip
+    NO_PRETENSION = 10, "no tensions near the pretension, within their limits, balance the weight"

@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
-from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
+from cdpr_sim.analysis.workspace.sweep import as_robots, on_materials
 from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
@@ -169,7 +169,7 @@ def check(
     axes = grids.as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
     shape = tuple(len(values) for values in axes.values())
     size = math.prod(shape)
-    stiffnesses = axial_stiffnesses(group, materials)
+    variants = on_materials(group, materials)
     labels = [None] if materials is None else list(materials)
     free_ram.refuse_beyond(
         f"grid: a check of {len(group) * len(labels) * size:,.0f} poses",
@@ -187,8 +187,7 @@ def check(
     disagreements: list[Disagreement] = []
     with bar("check", len(group) * len(labels) * len(rows), show=progress) as advance:
         for robot in group:
-            for label, stiffness in zip(labels, np.atleast_2d(stiffnesses[robot.name]), strict=True):
-                variant = robot.replace(axial_stiffness=stiffness)
+            for label, variant in zip(labels, variants[robot.name], strict=True):
                 path = stack is not None and has_memory(variant)  # one after another
                 together = len(rows) if path else ROWS
                 for first in range(0, len(rows), together):

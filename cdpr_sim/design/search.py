@@ -254,7 +254,8 @@ def find_layout(
             message = f"Interrupted after {len(history)} generations: this is the best layout so far."
         if evaluator.best is None or not evaluator.energy < _FEASIBLE:
             raise InvalidInput(_why_none(evaluator))
-        if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
+        exact = robot.cabling.massless and robot.pretension is None  # derivatives of rigid lengths by the layout
+        if polish and wanted.smooth and exact and "Interrupted" not in message:
             say(f"{evaluator.describe_best()}; refining")
             try:
                 evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import place
 from cdpr_sim.physics.sensing import Seen
@@ -119,7 +120,7 @@ class TaskSimulations:
         self._become(row, robot)
         self._fields["actuator_biasprm"][row, :, 2] -= np.where(self.by_tension, 0.0, robot.reeving * friction)
         # Air damps the pendulum of the cables: as in ``track``, of their lengths at the first pose.
-        swing = np.sqrt(self._mean / self.robot.rest_lengths(self.robot.pose(pose)).mean())
+        swing = np.sqrt(self._mean / without_pretension(self.robot).rest_lengths(self.robot.pose(pose)).mean())
         self._fields["dof_damping"][row, : len(robot.free)] *= swing
         self._scratch = self.batch.get_model(row, self._scratch)
         mujoco.mj_resetData(self._scratch, self._data)

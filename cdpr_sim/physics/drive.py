@@ -23,6 +23,7 @@ from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.pose_path import PosePath
+from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
@@ -94,7 +95,8 @@ def drive(
         from_rest: start at the equilibrium to which the platform settles from the first waypoint; if False it is
             released at the waypoint itself, where its cables are just not taut, and falls.
         rest_lengths: rest lengths at each waypoint, (waypoints, cables) [m], compensated ones for instance; between two
-            waypoints, their difference from the rigid lengths is interpolated linearly. Default: the rigid lengths.
+            waypoints, their difference from the rigid lengths is interpolated linearly. Default: the lengths of
+            ``robot.rest_lengths`` at every commanded pose.
         external_wrench: constant force [N] and torque [N m] on the platform's origin, in the base frame, besides
             gravity, (6,).
         progress: is called from time to time with the fraction done, 0 to 1.
@@ -113,6 +115,8 @@ def drive(
     poses = poses_through(robot, waypoints)
     robot.cabling.refuse_memory()
     whole("states", states, 2, MOST_STATES)
+    if rest_lengths is not None:
+        robot = without_pretension(robot)
     path = PosePath(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)
     if seconds is None:

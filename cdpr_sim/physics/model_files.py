@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cdpr_sim.core.describe import describe_properties, describe_stiffness, span
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.files import appearing
+from cdpr_sim.core.files import appearing, refuse_irregular
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -130,6 +130,7 @@ def stale_models(folder: Path, files: dict[str, str]) -> list[str]:
     """Names of the files that are missing in ``folder`` or have another content."""
 
     def current(path: Path) -> str | None:
+        refuse_irregular(path)
         try:
             return path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError):

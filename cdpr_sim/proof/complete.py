@@ -29,7 +29,7 @@ from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
-from cdpr_sim.core.files import appearing, check_place
+from cdpr_sim.core.files import appearing, check_place, refuse_irregular
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
@@ -362,6 +362,7 @@ class _Search:
             raise StoreError(str(error)) from None
 
     def _resume(self, path: Path) -> None:
+        refuse_irregular(path)
         try:
             with np.load(path) as kept:
                 if str(kept["key"]) != self.key:

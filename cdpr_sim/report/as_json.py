@@ -194,6 +194,14 @@ def _problem(problem: Problem) -> dict[str, Any]:
     return _robot(problem.robot) | {"commanded": problem.pose.translation.tolist()}
 
 
+def robot(robot: Robot) -> dict[str, Any]:
+    """The robot's name, mass and cables, with the source of their numbers, and its geometry."""
+    return _robot(robot) | fields(
+        robot, "kind", "mobility", "gravity", "center_of_mass", "exits", "anchors", "frame", "workspace", "description",
+        "source",
+    )  # fmt: skip
+
+
 def _robot(robot: Robot) -> dict[str, Any]:
     """The robot's name, mass and cables; with those properties of cables in which one of them is not as by default."""
     cabling, properties, parameters = robot.cabling, {}, inspect.signature(type(robot)).parameters
@@ -201,10 +209,14 @@ def _robot(robot: Robot) -> dict[str, Any]:
         values, usual = getattr(cabling, name), parameters[name].default
         if usual is inspect.Parameter.empty:
             continue
+        usual = np.inf if name == "breaking_load" else usual
         given = cabling.has(name) if name in MEMORIES else cabling.pulleys if name == "pulley_axis" else values != usual
         if given.any():
             properties[name] = _finite(values)
     description = {"robot": robot.name} | fields(robot, "mass", "material", "axial_stiffness")
+    description["from_material"] = {name: list(names) for name, names in robot.from_material.items()}
+    if robot.pretension is not None:
+        description["pretension"] = robot.pretension
     return description | {"cables": properties} if properties else description
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from cdpr_sim.core.describe import describe_cables
+from cdpr_sim.core.describe import describe_cables, describe_origins
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -25,6 +25,10 @@ def robot_table(robot: Robot) -> Table:
         "": robot.description,
         "kind": f"{robot.kind}, {robot.mobility}",
         "cables": f"{robot.cables} {describe_cables(robot)}",
+        "their numbers": describe_origins(robot),
+        "rest lengths": "of rigid cables"
+        if robot.pretension is None
+        else f"for a pretension of {robot.pretension:g} N",
         "tension limits": _limits(robot),
         "breaking load": f"{_span(robot.breaking_load)} N" if np.isfinite(robot.breaking_load).all() else "",
         "platform": f"{robot.mass:g} kg, {_size(robot.platform_size, 1e3)} mm",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import os
 import tomllib
@@ -17,10 +16,11 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, Validati
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
 from cdpr_sim.core.checks import checked_path, positive, refuse_unless, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
-from cdpr_sim.core.files import read_text
-from cdpr_sim.core.materials import ROPES, Material, is_material, line_stiffness, load_material
+from cdpr_sim.core.files import read_text, readable
+from cdpr_sim.core.materials import ROPES, Material, Origin, is_material, line_stiffness, load_material
 from cdpr_sim.core.plausibility import checked_diameter
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
+from cdpr_sim.robots.expectations import sentence_of
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
@@ -122,6 +122,13 @@ class RobotTable(_Table):
     )
     mobility: Mobility = _key("spatial, or planar: motion in x, z and about y only, with all y 0.", "", "spatial")
     gravity: Number = _key("Acceleration downwards, along -z.", "m/s²", STANDARD_GRAVITY)
+    pretension: Number | None = _key(
+        "Rest lengths at a commanded pose are those whose tensions balance the weight there and are closest to this "
+        "value; by default those of rigid cables. `--pretension` of commands, or `robot.replace(pretension=...)`, "
+        "replaces it.",
+        "N",
+        None,
+    )
     cable_name: str | None = _key("Name of the cables; by default their material.", "", None)
     material: str | None = _key(
         "The cables: a rope with its diameter, `dyneema-2mm` or `dyneema` and `diameter`, or a cable of one "
@@ -174,16 +181,27 @@ class RobotTable(_Table):
     def robot(self) -> Robot:
         """The robot that this file describes."""
         made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
-        names, pulleys = {material.name for material in made}, self._each("pulley")
+        names, pulleys = {name for name, _ in made}, self._each("pulley")
+        materials, known = [material for _, material in made], [material.name or None for _, material in made]
+        densities, loads = self._each("linear_density"), self._each("breaking_load")
+        from_material = {
+            "axial_stiffness": known,
+            "linear_density": [
+                name if density == "material" else None for name, density in zip(known, densities, strict=True)
+            ],
+            "breaking_load": [name if load is None else None for name, load in zip(known, loads, strict=True)],
+        }
         as_given = ("stiffening", "force_min", "reeving", "pulley_friction", "hysteresis", "creep")
         return Robot(
             exits=[self._metres(cable.exit) for cable in self.cables],
             anchors=[self._metres(cable.anchor) for cable in self.cables],
-            axial_stiffness=[material.axial_stiffness for material in made],
+            axial_stiffness=[material.axial_stiffness for material in materials],
             mass=self.platform.mass,
-            linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
+            linear_density=[self._density(i, densities[i], materials[i]) for i in range(len(self.cables))],
             force_max=[_own(limit, np.inf) for limit in self._each("force_max")],
-            breaking_load=[_own(one.breaking_load, np.inf) for one in made],
+            breaking_load=[
+                _own(_own(load, one.breaking_load), np.inf) for load, one in zip(loads, materials, strict=True)
+            ],
             winch_to_exit=[length / METRES[self.units] for length in self._each("winch_to_exit")],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
@@ -196,6 +214,8 @@ class RobotTable(_Table):
             frame=self._corners(self.frame),
             workspace=self._corners(self.workspace),
             material=names.pop() or None if len(names) == 1 else None,
+            from_material={name: uniform(each) for name, each in from_material.items()},
+            pretension=self.pretension,
             description=self.description,
             source=self.source,
             **{key: self._each(key) for key in as_given},
@@ -212,8 +232,8 @@ class RobotTable(_Table):
         x, y, z = (length / METRES[self.units] for length in lengths)
         return x, y, z
 
-    def _made(self, index: int, cable: CableTable) -> Material:
-        """The material of a cable: its own, else the robot's."""
+    def _made(self, index: int, cable: CableTable) -> tuple[str, Material]:
+        """The material of a cable, its own, else the robot's; and before it the name that is displayed."""
         for where, table in ((f"cable {index + 1}", cable), ("the robot", self)):
             ways = [way for way in WAYS if getattr(table, way) is not None]
             if len(ways) > 1:
@@ -222,10 +242,7 @@ class RobotTable(_Table):
                 diameter = _own(cable.diameter, self.diameter)
                 made = self._material(where, table, diameter, _own(table.diameter, cable.diameter))
                 name = _own(cable.name, self.cable_name if table is self else None)
-                breaking_load = _own(cable.breaking_load, self.breaking_load)
-                return dataclasses.replace(
-                    made, name=_own(name, made.name), breaking_load=_own(breaking_load, made.breaking_load)
-                )
+                return _own(name, made.name), made
         raise RobotFileError(
             f"cable {index + 1}: found neither material nor axial_stiffness nor modulus, here or for the whole robot"
         )
@@ -255,8 +272,7 @@ class RobotTable(_Table):
         assert table.axial_stiffness is not None
         return Material("", table.axial_stiffness, "")
 
-    def _density(self, index: int, cable: CableTable, material: Material) -> float:
-        density = _own(cable.linear_density, self.linear_density)
+    def _density(self, index: int, density: Density, material: Material) -> float:
         if density != "material":
             return density
         if material.linear_density is None:
@@ -269,6 +285,11 @@ class RobotTable(_Table):
 
 WAYS = ("material", "axial_stiffness", "modulus")
 """Keys that define the cable's stiffness."""
+
+
+def uniform(names: list[str | None]) -> Origin:
+    """One name for all cables, or a name, or None, for each."""
+    return tuple(names) if len(set(names)) > 1 or names[0] is None else names[0]
 
 
 def _own(own, common):
@@ -339,18 +360,15 @@ def _read(file: Traversable | Path, label: str) -> Robot:
 
 def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
     try:
-        text = read_text(file, LARGEST_FILE) if isinstance(file, Path) else file.read_text(encoding="utf-8")
+        with readable(label):
+            text = read_text(file, LARGEST_FILE) if isinstance(file, Path) else file.read_text(encoding="utf-8")
         return tomllib.loads(text)
     except InvalidInput as error:
         raise RobotFileError(str(error)) from None
-    except FileNotFoundError:
-        raise RobotFileError(f"{label}: no such file") from None
     except tomllib.TOMLDecodeError as error:
         raise RobotFileError(f"{label}: is not TOML: {error}") from None
     except RecursionError:
         raise RobotFileError(f"{label}: found brackets nested too deeply, expected a robot") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{label}: cannot be read: {error}") from None
     except ValueError:  # Python's limit of digits
         raise RobotFileError(f"{label}: found an integer of thousands of digits, expected a robot") from None
 
@@ -376,14 +394,10 @@ TABLES = {
 
 def _sentence(error: ValidationError) -> str:
     """The first error: its place in the file, the value found, and the value expected."""
-    first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains a missing key
-    path = first["loc"]
-    if first["type"] == "extra_forbidden":
-        return f"{_place(path)}: unknown key{_meant(str(path[-1]), path[:-1])}"
-    where = _place(tuple(part for part in path if part != "float" and "[" not in str(part)))  # names of types
-    if first["type"] == "missing":
-        return f"{where}: missing"
-    return f"{where}: found {shown(first['input'])}: {first['msg']}"
+    for one in error.errors(include_url=False):
+        if one["type"] == "extra_forbidden":  # a typo explains a missing key
+            return f"{_place(one['loc'])}: unknown key{_meant(str(one['loc'][-1]), one['loc'][:-1])}"
+    return sentence_of(error, _place)
 
 
 def _meant(key: str, path: tuple[int | str, ...]) -> str:

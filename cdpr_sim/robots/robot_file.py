@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from importlib import resources
 from string import Template
 from typing import Any
@@ -13,7 +14,16 @@ from pydantic_core import PydanticUndefined
 
 from cdpr_sim.core.checks import checked_name
 from cdpr_sim.core.materials import MATERIALS, ROPES
-from cdpr_sim.robots.catalogue import BoxTable, CableTable, PlatformTable, PulleyTable, RobotTable
+from cdpr_sim.robots.catalogue import (
+    BoxTable,
+    CableTable,
+    PlatformTable,
+    PulleyTable,
+    RobotTable,
+    list_robots,
+    load_robot,
+)
+from cdpr_sim.robots.robot_file_text import as_toml
 
 TABLES: dict[str, type[BaseModel]] = {
     "The whole robot": RobotTable,
@@ -33,6 +43,22 @@ def template(name: str) -> str:
     quoted = json.dumps(checked_name("name", name), ensure_ascii=False)  # as TOML quotes
     text = (resources.files("cdpr_sim.robots") / "template.toml").read_text(encoding="utf-8")
     return text.replace('"NAME"', quoted).replace("NAME", name)
+
+
+def copied(source: str, name: str) -> str:
+    """The robot file of a robot, a name of the catalogue or a file, for a robot called ``name``.
+
+    Of the catalogue the file itself, with its comments.
+
+    Raises:
+        CdprError: no such robot, or not a valid name of a robot.
+    """
+    robot, name = load_robot(source), checked_name("name", name)
+    if source not in list_robots():
+        return as_toml(robot.replace(name=name))
+    text = (resources.files("cdpr_sim.robots") / "zoo" / f"{source}.toml").read_text(encoding="utf-8")
+    quoted = json.dumps(name, ensure_ascii=False)
+    return re.sub(r"(?m)^name = .*$", lambda _: f"name = {quoted}", text, count=1)
 
 
 def json_schema() -> str:

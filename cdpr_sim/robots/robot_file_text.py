@@ -9,18 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.cable import DOWN, NO_ELEMENT, NO_TERM
+from cdpr_sim.core.materials import Material, is_material, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 
 OF_ALL = (
-    "axial_stiffness", "linear_density", "stiffening", "force_min", "force_max", "breaking_load", "winch_to_exit",
-    "pulley_friction", "reeving",
+    "material", "axial_stiffness", "linear_density", "stiffening", "force_min", "force_max", "breaking_load",
+    "winch_to_exit", "pulley_friction", "reeving",
 )  # fmt: skip
 """Keys of a cable that the whole robot has as well."""
+
+UNSET = ("0.0", "[0.0, 0.0]")
+"""Numbers that a key has by default."""
 
 
 def as_toml(robot: Robot) -> str:
     """The text of a robot file, in metres, kilograms and newtons; fields with their default values are left out.
 
+    Numbers that came from a material are written as its name, if it has exactly those numbers.
     ``robot.notes`` become comments at its beginning.
     """
     return "\n".join(_lines(robot)) + "\n"
@@ -38,20 +43,32 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"mobility = {_text(robot.mobility)}"
     if robot.gravity != STANDARD_GRAVITY:
         yield f"gravity = {_numbers(robot.gravity)}"
-    of_all = [name for name in OF_ALL if name != "reeving" or (cabling.reeving > 1).any()]
-    texts = {
-        name: [_numbers(one) if np.isfinite(one).all() else "" for one in getattr(cabling, name)] for name in of_all
+    texts = dict.fromkeys(OF_ALL, [""] * robot.cables) | {
+        name: [_numbers(one) if np.isfinite(one).all() else "" for one in getattr(cabling, name)]
+        for name in OF_ALL[1:]
+        if name != "reeving" or (cabling.reeving > 1).any()
     }
+    made = _materials(robot)
+    texts["material"] = [_text(one.name) if one else "" for one in made]
+    texts["axial_stiffness"] = ["" if one else text for one, text in zip(made, texts["axial_stiffness"], strict=True)]
+    for name, text in (("linear_density", '"material"'), ("breaking_load", "")):
+        names = robot.from_material.get(name, (None,) * robot.cables)
+        for cable, one in enumerate(made):
+            if one and names[cable] == one.name and _same(getattr(one, name), getattr(cabling, name)[cable]):
+                texts[name][cable] = text
     for name, none in (("hysteresis", NO_ELEMENT), ("creep", NO_TERM)):
         in_effect = [one[(one != none).any(-1)] for one in getattr(cabling, name)]
         texts[name] = [_numbers(rows) if len(rows) else "" for rows in in_effect]
     own = {name: each for name, each in texts.items() if len(set(each)) > 1}  # an infinite limit is left out
     for name, each in texts.items():
-        if name not in own and each[0] and getattr(cabling, name)[0].any():
+        if name not in own and each[0] and each[0] not in UNSET:
             yield f"{name} = {each[0]}"
-    named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
-    if robot.material and not named:
+    stiff = {"material", "axial_stiffness"} & {*own}
+    named = [f"name = {_text(robot.material)}"] if robot.material and stiff else []
+    if robot.material and not named and robot.material != (made[0] and made[0].name):
         yield f"cable_name = {_text(robot.material)}"
+    if robot.pretension is not None:
+        yield f"pretension = {_numbers(robot.pretension)}"
     yield from ("", "[platform]", f"mass = {_numbers(robot.mass)}")
     for key, field in (("size", "platform_size"), ("center_of_mass", "center_of_mass"), ("inertia", "inertia")):
         if given[field] is not None and np.any(given[field]):
@@ -68,6 +85,23 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield from (f"{name} = {each[cable]}" for name, each in own.items() if each[cable])
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
+
+
+def _materials(robot: Robot) -> list[Material | None]:
+    """Of each cable the material from which its stiffness came; None without one, or if its stiffness differs now."""
+    names = robot.from_material.get("axial_stiffness", (None,) * robot.cables)
+    loads = robot.from_material.get("breaking_load", (None,) * robot.cables)
+    found: list[Material | None] = []
+    for cable, name in enumerate(names):
+        made = load_material(name) if name and is_material(name) else None
+        unknown = np.isinf(robot.breaking_load[cable]) and not loads[cable]  # which a file cannot say of a material
+        same = made is not None and _same(made.axial_stiffness, robot.axial_stiffness[cable])
+        found.append(made if made and same and not (unknown and made.breaking_load is not None) else None)
+    return found
+
+
+def _same(number: float | None, stored: float) -> bool:
+    return bool((np.inf if number is None else number) == stored)
 
 
 def _pulley(radius: float, axis: np.ndarray) -> str:

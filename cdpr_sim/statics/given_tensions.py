@@ -18,12 +18,17 @@ def cut(
     position: Float[np.ndarray, "*batch 3"],
     rotation: Float[np.ndarray, "*batch 3 3"],
     tensions: Float[np.ndarray, "*batch cables"],
+    *,
+    refuse: bool = True,
+    field: str = "tensions",
 ) -> tuple[Float[np.ndarray, "*batch cables"], Float[np.ndarray, "*batch 6 cables"]]:
     """Rest lengths with which the ropes have these tensions at their anchors [m]; and the wrench matrix then.
 
     At a pose, or at many, each with its own tensions.
 
     A cable with mass pulls along its own end, whose direction depends on its tension.
+
+    Without ``refuse``, rest lengths that do not exist are nan or not positive. Messages begin with ``field``.
 
     Raises:
         InvalidInput: a tension below that which the cable's weight alone gives, or with which the rope between winch
@@ -42,18 +47,18 @@ def cut(
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
         wrenches = np.concatenate([directions, np.cross(cables.arms, directions)], axis=-1)
         matrix = robot.reeving * np.swapaxes(wrenches, -1, -2)
-    if not rest.min() > 0:  # also if one is nan
+    if refuse and not rest.min() > 0:  # also if one is nan
         row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
         cable = int(row[-1])
         length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.behind[cable]
         strain = 1 / cable_law.rest_length_for(1.0, tension, *(one[cable] for one in robot.cabling.law)) - 1
         if stretched * strain >= length:
             raise InvalidInput(
-                f"tensions: found {tension:.4g} N in cable {cable + 1}, under which the rope between winch and "
+                f"{field}: found {tension:.4g} N in cable {cable + 1}, under which the rope between winch and "
                 f"exit stretches by more than the {length:.4g} m from exit to anchor, expected a smaller one"
             )
         raise InvalidInput(
-            f"tensions: found {tension:.4g} N in cable {cable + 1}, which weighs "
+            f"{field}: found {tension:.4g} N in cable {cable + 1}, which weighs "
             f"{robot.cable_weights[cable] * length:.4g} N, expected at least what its weight alone gives"
         )
     return rest, matrix

@@ -104,7 +104,7 @@ def solve_many(
         robot: the robot; its geometry, and the default of the other arguments. Or ``Problems``, without other
             arguments.
         poses: commanded poses, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of poses of any kind.
-        rest_lengths: (..., cables) [m]; default: the rigid lengths at each commanded pose (paper Eq. 1, 2).
+        rest_lengths: (..., cables) [m]; default: ``robot.rest_lengths`` at each commanded pose.
         external_wrench: (..., 6) [N, N m].
         rotations: commanded rotation matrices, (..., 3, 3), where ``poses`` are positions; default: level.
         axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.files import readable, refuse_irregular
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 
@@ -63,10 +64,9 @@ def read_problems(folder: Path) -> list[SetProblem]:
     problems = []
     for level in LEVELS:
         path = folder / f"{level}.json"
-        try:
+        refuse_irregular(path)
+        with readable(path):
             text = path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise InvalidInput(f"{path}: {error.strerror}; expected the folder of the set of problems") from None
         try:
             content = json.loads(text)
             if content["format"] != FORMAT:
@@ -74,8 +74,8 @@ def read_problems(folder: Path) -> list[SetProblem]:
             problems += [_read(level, one) for one in content["problems"]]
         except InvalidInput:
             raise
-        except (ValueError, KeyError, TypeError) as error:
-            raise InvalidInput(f"{path}: found no set of problems ({type(error).__name__}: {error})") from None
+        except (ValueError, KeyError, TypeError):
+            raise InvalidInput(f"{path}: found no set of problems, expected a file of the folder problems") from None
     return problems
 
 

@@ -23,6 +23,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import extras
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
+from cdpr_sim.core.files import readable, refuse_irregular
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
@@ -120,8 +121,11 @@ def score_answers(path: Path, problems: Iterable[SetProblem]) -> Score:
     Raises:
         InvalidInput: not a file of answers.
     """
+    refuse_irregular(path)
+    with readable(path):
+        text = path.read_text(encoding="utf-8")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(text)
         answers = content["answers"]
         outcomes = []
         for one in problems:
@@ -136,10 +140,11 @@ def score_answers(path: Path, problems: Iterable[SetProblem]) -> Score:
                     seconds = float(given.get("seconds", math.nan))
                 outcomes.append(evaluated(one, number, answer, seconds))
         return Score(str(content.get("solver", path.stem)), tuple(outcomes))
-    except OSError as error:
-        raise InvalidInput(f"{path}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InvalidInput(f"{path}: found no file of answers ({type(error).__name__}: {error})") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InvalidInput(
+            f"{path}: found no file of answers, expected JSON with answers: per problem, a list of position and "
+            "quaternion"
+        ) from None
 
 
 def evaluated(one: SetProblem, start: int, answer: Any, seconds: float) -> Outcome:

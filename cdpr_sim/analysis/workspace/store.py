@@ -30,7 +30,7 @@ import numpy as np
 from cdpr_sim.core import extras
 from cdpr_sim.core.checks import checked_path as given_path
 from cdpr_sim.core.errors import InvalidInput, StoreError, StoreRepaired
-from cdpr_sim.core.files import refuse_unwritable
+from cdpr_sim.core.files import refuse_unwritable, target
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.status import Status
 
@@ -165,6 +165,7 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
     """Write under another name until it is complete; HDF5 writes into memory, since a full disk would crash it."""
     # No view of xarray's buffer may remain in a traceback: garbage collection would crash Python 3.12.
     with memoryview(dataset.to_netcdf(engine="h5netcdf")) as content:
+        path = target(path)
         handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         part = Path(name)
         try:

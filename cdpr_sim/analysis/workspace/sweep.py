@@ -25,7 +25,6 @@ from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
-from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -174,7 +173,7 @@ def sweep(
     if stack is not None and (store is not None or not compute):
         raise InvalidInput("poses: found them with a store or without compute, expected a grid for those")
     axes = as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
-    stiffnesses = axial_stiffnesses(group, materials)
+    variants = on_materials(group, materials)
     names = _checked_quantities(quantities, group)
     most = max(group, key=lambda robot: robot.cables)
     if "slack_set" in names and most.cables > MOST_BITS:
@@ -208,8 +207,7 @@ def sweep(
         points = [xr.DataArray(column, dims=("pose",), attrs=attrs) for column in stack.translation.T]
 
     if compute or store is not None:
-        variants = len(group) * (1 if materials is None else len(materials))
-        count = variants * math.prod(len(values) for values in axes.values())
+        count = sum(map(len, variants.values())) * math.prod(len(values) for values in axes.values())
         kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
         kinds += [] if settled is None else settled.QUANTITIES.values()
         _refuse_what_cannot_fit(count, most.cables, kinds, store)
@@ -219,16 +217,28 @@ def sweep(
     parts = []
     for robot in group:
         labels = {} if materials is None else {"material": list(materials)}
-        stiffness = xr.DataArray(stiffnesses[robot.name], dims=(*labels, "cable"), coords=labels)
-        given: dict[str, Any] = dict(rotations=rotation, external_wrench=wrench)
-        solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
-        part = _arrays(_solved, solved, robot, points, stiffness, **given)
-        if settled is not None:
-            part = part.merge(_arrays(settled.compute, settled.QUANTITIES, robot, points, stiffness, **given))
-        for name, loads in rigid.items():
-            conditions: dict[str, Any] = dict(rotations=rotation, tension_limits=tension_limits, wrenches=loads)
-            part = part.merge(_arrays(_of_rigid_cables, {name: RIGID[name]}, robot, points, **conditions))
-        parts.append(_with_robot(part, robot, stiffness))
+        each = [one.axial_stiffness for one in variants[robot.name]]
+        stiffness = xr.DataArray(np.array(each if labels else each[0]), dims=(*labels, "cable"), coords=labels)
+        # Robots that differ in stiffness alone are computed in one call.
+        alike = [(slice(None), robot)]
+        if any((one.linear_density != robot.linear_density).any() for one in variants[robot.name]):
+            alike = [(slice(row, row + 1), one) for row, one in enumerate(variants[robot.name])]
+        pieces = []
+        for rows, one in alike:
+            some = stiffness.isel(material=rows) if labels else stiffness
+            given: dict[str, Any] = dict(rotations=rotation, external_wrench=wrench)
+            solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
+            piece = _arrays(_solved, solved, one, points, some, **given)
+            if settled is not None:
+                piece = piece.merge(_arrays(settled.compute, settled.QUANTITIES, one, points, some, **given))
+            for name, loads in rigid.items():
+                conditions: dict[str, Any] = dict(rotations=rotation, tension_limits=tension_limits, wrenches=loads)
+                found = _arrays(_of_rigid_cables, {name: RIGID[name]}, one, points, **conditions)
+                piece = piece.merge(found.expand_dims(material=some["material"]) if len(alike) > 1 else found)
+            pieces.append(piece)
+        part = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")
+        density = [one.linear_density for one in (variants[robot.name] if len(alike) > 1 else [robot])]
+        parts.append(_with_robot(part, robot, stiffness, np.array(density) if len(alike) > 1 else density[0]))
     result = parts[0]
     if many:  # cables and modes that a robot does not have are nan
         per_robot = [*ROBOT, *({"material"} - set(result.dims))]
@@ -251,7 +261,7 @@ def sweep(
     }
     if store is not None:
         variables = sorted(map(str, result.variables))
-        identity = [group, axes, stiffnesses, rotation, wrench, limits, wrenches, variables, blocks]
+        identity = [group, axes, variants, rotation, wrench, limits, wrenches, variables, blocks]
         return stores.written(result, store, identity, progress=progress)
     return stores.computed(result, progress=progress) if compute and chunk is not None else result
 
@@ -294,17 +304,18 @@ def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
     return group
 
 
-def axial_stiffnesses(
+def on_materials(
     robots: Sequence[Robot], materials: Sequence[str] | Mapping[str, float] | None
-) -> dict[str, np.ndarray]:
-    """EA per robot, (materials, cables) [N], or (cables,) if no materials are given.
+) -> dict[str, list[Robot]]:
+    """Each robot on the cables of each material, by its name; itself if no materials are given.
 
     Raises:
-        InvalidInput: no material, one twice, or an axial stiffness that is not positive.
+        InvalidInput: no material, one twice, or an axial stiffness that is not positive; a material whose mass per
+            length is not known, for a robot whose cables have that of their material.
         UnknownName: no such material.
     """
     if materials is None:
-        return {robot.name: robot.axial_stiffness.copy() for robot in robots}
+        return {robot.name: [robot] for robot in robots}
     if isinstance(materials, str):
         raise InvalidInput(f"materials: found the text {materials!r}, expected a list of names")
     for name in listed("materials", materials, "a list of names"):
@@ -315,9 +326,8 @@ def axial_stiffnesses(
         values = checked_array("materials", list(materials.values()), (None,))
         if not values.min() > 0:
             raise InvalidInput(f"materials: found an axial stiffness of {values.min():g} N, expected more than 0")
-    else:
-        values = np.array([load_material(name).axial_stiffness for name in materials])
-    return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
+        return {robot.name: [robot.replace(axial_stiffness=value) for value in values] for robot in robots}
+    return {robot.name: [robot.replace(material=name) for name in materials] for robot in robots}
 
 
 def default_quantities(robots: Sequence[Robot]) -> list[str]:
@@ -448,14 +458,14 @@ def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
     return vectors
 
 
-def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> xr.Dataset:
+def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray, density: np.ndarray) -> xr.Dataset:
     """Add names of the axes, and coordinates that describe the robot."""
     described = {
         "frame": (("corner", "axis"), robot.frame),
         "exits": (("cable", "axis"), robot.exits),
         "anchors": (("cable", "axis"), robot.anchors),
         "axial_stiffness": (stiffness.dims, stiffness.values),
-        "linear_density": ("cable", robot.cabling.linear_density),
+        "linear_density": (stiffness.dims[-density.ndim :], density),
         "mass": ((), robot.mass),
         "robot_file": ((), as_toml(robot)),
     }

@@ -20,7 +20,8 @@ from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Valida
 
 from cdpr_sim.core.checks import checked_array, shown
 from cdpr_sim.core.errors import LONGEST, InvalidInput
-from cdpr_sim.core.files import read_bytes
+from cdpr_sim.core.files import read_bytes, readable
+from cdpr_sim.robots.expectations import sentence_of
 
 LARGEST_FILE = 1_000_000
 """Largest size of a file [bytes]; a thousand cables take half of it in the most verbose of these formats."""
@@ -68,12 +69,8 @@ def read_document(path: Path) -> Any:
     syntax = SYNTAXES.get(path.suffix.lower())
     if syntax is None:
         raise InvalidInput(f"{path}: found the suffix {path.suffix!r}, expected one of {', '.join(SYNTAXES)}")
-    try:
+    with readable(path):
         content = read_bytes(path, LARGEST_FILE)
-    except FileNotFoundError:
-        raise InvalidInput(f"{path}: no such file") from None
-    except OSError as error:
-        raise InvalidInput(f"{path}: cannot be read: {error.strerror or error}") from None
     try:
         return syntax(content)
     except UnicodeDecodeError:
@@ -172,14 +169,8 @@ def as_model(model: type[Model], document: Any) -> Model:
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(key)[:LONGEST] for key in first["loc"]) or "the file"
-        if first["type"] == "missing":
-            raise InvalidInput(f"{where}: missing") from None
-        expected = "expected keys with values" if first["type"] == "model_type" else first["msg"]
-        raise InvalidInput(
-            f"{where}: found {shown(first['input'])}: {expected.removeprefix('Value error, ')}"
-        ) from None
+        sentence = sentence_of(error, lambda path: ".".join(str(key)[:LONGEST] for key in path) or "the file")
+        raise InvalidInput(sentence) from None
 
 
 def child(element: Element, tag: str) -> Element:
