@@ -381,7 +381,7 @@ def identify(
         kinds=measurements.kinds,
         given=robot,
         requested=names,
-        repeats=kept[of] != np.arange(len(asked)),
+        repeats=np.not_equal(kept[of], np.arange(len(asked))),
     )
 
 
@@ -493,7 +493,7 @@ def _why_unknown(
         return (
             "the unknowns fit all numbers without a stated error exactly, and no residual is left to estimate it from"
         )
-    if not (found > floors)[estimated].any():
+    if not (found[estimated] > floors[estimated]).any():
         return "the residuals are rounding, and no error can be estimated from them"
     return ""
 

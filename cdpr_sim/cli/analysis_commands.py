@@ -53,9 +53,9 @@ def compensate(
         compensation = cdpr.compensate(
             problem,
             tension_limits=limits,
-            prefer=prefer,
+            prefer=prefer,  # type: ignore[arg-type]
             arm=arm,
-            least_length=least_length,  # type: ignore[arg-type]
+            least_length=least_length,
         )
         verification = cdpr.verify_compensation(compensation)
         before, after, missing = [], [], []
