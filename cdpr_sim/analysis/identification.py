@@ -398,7 +398,7 @@ def _distinct_rows(measurements: Measurements) -> tuple[Int[np.ndarray, " kept"]
     """Rows without those that repeat an earlier one and have a number without a stated error; and where each row is."""
     parts = [part for part in (*measurements.inputs, measurements.values, measurements.errors) if part is not None]
     table = np.concatenate([part.reshape(len(measurements), -1) for part in parts], axis=1) + 0.0
-    unstated = (measurements.known & np.isnan(measurements.errors)).any(1)
+    unstated = np.asarray((measurements.known & np.isnan(measurements.errors)).any(1))
     seen: dict[bytes, int] = {}
     kept, of = [], []
     for row, numbers in enumerate(table):
