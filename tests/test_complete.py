@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 import time
 from fractions import Fraction
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, exact, middles
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Enclosure
+from cdpr_sim.report import proof_tables
 
 flint = pytest.importorskip("flint")
 
@@ -91,6 +93,42 @@ def test_the_list_of_a_planar_robot_is_proved_complete_and_many_starts_find_the_
     assert len(found) == len(proved)
     assert proved.missing_from(found) == ()
     assert len(proved.missing_from(found.found[:1])) == len(proved) - 1
+
+
+@pytest.mark.parametrize("stiffness", [5.0, 3.0])
+def test_equilibria_beyond_the_range_of_a_law_are_not_in_the_list(stiffness):
+    """At 5 N one of two roots is within 20 % of strain, at 3 N none: the list holds them, and says over which poses."""
+    robot = planar("planar-vertical", stiffening=(-0.5, 30), axial_stiffness=stiffness)
+    problem = cdpr.Problem.of(robot, (0.3, 0, 0.2))
+    proved = cdpr.certify_all(problem)
+    assert proved.complete
+    assert len(proved) == (stiffness > 4)
+    assert all((one.equilibrium.lengths <= 1.2 * one.equilibrium.rest_lengths).all() for one in proved)
+    assert "strained by at most 20%, the range of their law" in proof_tables.complete_note(proved)
+    if proved.certificates:  # of many starts, as many with an even as with an odd index are expected only if all count
+        found = cdpr.find_equilibria(problem, saddles=True, starts=STARTS)
+        assert (len(found), found.imbalance) == (1, None)
+    else:
+        with pytest.raises(cdpr.NotConverged, match="beyond the range of its nonlinear law") as refused:
+            cdpr.solve(problem)
+        certificate = cdpr.certify(refused.value.equilibrium)
+        assert not certificate.exists
+        assert re.fullmatch(
+            r"cable 1 is strained by \S+%, beyond the range of its nonlinear law, 20%", *certificate.reasons
+        )
+
+
+def test_the_range_of_a_law_ends_where_it_ends():
+    """A platform on one cable is in the list at a strain of 20 % less a billionth, and not at a billionth more."""
+    for more, count in ((-1e-9, 1), (1e-9, 0)):
+        strain = 0.2 + more
+        robot = cdpr.Robot(
+            [[0, 0, 2]], [[0, 0, 0.1]], 100.0, 100 * strain * (1 + strain * (3 + 5 * strain)) / 9.81,
+            stiffening=(3, 5), mobility="planar", platform_size=(0.2, 0.2, 0.2),
+        )  # fmt: skip
+        proved = cdpr.certify_all(robot, [1.0])
+        assert proved.complete
+        assert sum(one.stable for one in proved) == count
 
 
 def test_a_torque_leaves_the_list_complete():
@@ -373,6 +411,7 @@ def test_a_cluster_that_an_equilibrium_covers_in_part_is_undecided(monkeypatch):
     search: Any = SimpleNamespace(setups=[SimpleNamespace(scales=np.ones((6, 1)), least=1.0)])
     monkeypatch.setattr(complete, "_near", lambda *_: "member")
     monkeypatch.setattr(complete, "_at_kink", lambda *_: False)
+    monkeypatch.setattr(complete, "_beyond_law", lambda _: False)
     for covered, undecided in ((2.0, 0), (1.0, 1)):
         monkeypatch.setattr(complete, "_in_balls", lambda _, chart, box, most=covered: box.max() <= most)
         members: list[Any] = []
