@@ -190,7 +190,7 @@ def identify(
 ) -> None:
     """Fit stiffness, lengths, mass, geometry or gains and zeros of sensors to measurements in equilibrium.
 
-    Exit status 1 if the measurements do not determine all unknowns.
+    Exit status 1 if the measurements do not determine all unknowns and their standard errors.
 
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
     so on; tension_1 [N], swivel_1 [deg], frequency_1 [Hz], ...; rest_length_1 [mm], ...; mass [kg], force_z [N], ...;
