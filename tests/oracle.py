@@ -14,7 +14,7 @@ import numpy as np
 
 NODES, PARTS = np.polynomial.legendre.leggauss(40)
 NODES, PARTS = (NODES + 1) / 2, PARTS / 2
-H = 1e-7
+H = 1e-8
 UP = np.array([0.0, 0.0, 1.0])
 STRAIGHT = 0.05
 """Ratio of a cable's own weight to its tension up to which its shape is integrated along its length."""
@@ -172,15 +172,23 @@ class Ropes:
         return e + self.whole * (self.crept + self.softer * T[..., None]).sum(-1), T, e, behind, sprung
 
     def reached(self, part: int, value: np.ndarray) -> np.ndarray:
-        """Strain of the first loading at which the stretch (0) or the force (1) has a value, by bisection."""
+        """Strain of the first loading at which the stretch (0) or the force (1) has a value, by the rule of Illinois."""
         low, high = np.zeros(np.shape(value)), np.full(np.shape(value), 1e-3)
         while (self.parts(high)[part] < value).any():
             high *= 4
-        for _ in range(75):
-            middle = (low + high) / 2
-            above = self.parts(middle)[part] > value
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        return (low + high) / 2
+        below, above = self.parts(low)[part] - value, self.parts(high)[part] - value
+        solvable, side = below < 0, 0  # the others are not stretched
+        for _ in range(100):
+            middle = np.clip((low * above - high * below) / (above - below), low, high)
+            miss = self.parts(middle)[part] - value
+            if (~solvable | (np.abs(miss) <= 1e-15 * value)).all():
+                break
+            left = miss < 0
+            above, below = np.where(left & (side > 0), above / 2, above), np.where(~left & (side < 0), below / 2, below)
+            low, below = np.where(left, middle, low), np.where(left, miss, below)
+            high, above = np.where(left, high, middle), np.where(left, above, miss)
+            side = np.where(left, 1, -1)
+        return middle
 
     def pulling(self, stretch: np.ndarray) -> np.ndarray:
         """Force of a massless cable under a stretch."""
@@ -256,8 +264,9 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
     miss = missed(f)
     for _ in range(100):
         h = 1e-6 * np.linalg.norm(f, axis=-1)
-        ends = missed(np.concatenate([f + h[..., None] * e for e in np.eye(3)]).reshape(3, *f.shape))
-        jacobian = np.moveaxis((ends - miss) / h[..., None], 0, -1)
+        sides = [f + sign * h[..., None] * e for e in np.eye(3) for sign in (1, -1)]
+        ends = missed(np.stack(sides))
+        jacobian = np.moveaxis((ends[::2] - ends[1::2]) / (2 * h[..., None]), 0, -1)
         step = np.linalg.solve(jacobian, -miss[..., None])[..., 0]
         now = np.linalg.norm(miss, axis=-1)
         if (now < 1e-10 * rest).all():  # the last step, whose error is that of the differences

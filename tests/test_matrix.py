@@ -1,0 +1,473 @@
+"""Every answer of the package × mixtures of cable properties × robots, each cell judged by the oracle.
+
+An answer is a row: a function of a case, which asks the package and returns a judge. The judge takes a rig (the numbers
+of a robot) and says how far the answer is from what the oracle finds with them, over its tolerance: less than 1 is right,
+with the robot's own numbers; with one property 1 % wrong it must be more. A property is a column, a function that draws
+its values. What a row refuses is listed with its sentence.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import contextlib
+import functools
+import importlib.util
+import inspect
+import itertools
+import re
+import warnings
+from collections.abc import Callable
+
+import gymnasium
+import mujoco
+import numpy as np
+import oracle
+import pytest
+import scipy.linalg
+import scipy.optimize
+from oracle import Rig
+from scipy.spatial.transform import RigidTransform, Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.robots.robot_file_text import as_toml
+
+SEED = 20261124
+
+NEAR = 1e-8
+"""[of the mean rest length, of the weight] Largest difference of a pose, a length and a tension from the oracle's."""
+
+EIGENVALUES = 1e-5
+"""Of the largest: differences of the oracle."""
+
+SLOPES = 1e-5
+"""Of the largest derivative by a parameter: differences of the oracle."""
+
+AT_REST = 1e-6
+"""In place of ``NEAR`` where a simulation is stopped after a time."""
+
+
+# Robots.
+
+
+def drawn(seed: int, cables: int, mobility: str = "spatial") -> cdpr.Robot:
+    """A robot that differs from others in everything: sizes, masses, exits, anchors, stiffnesses, centre, gravity."""
+    random = np.random.default_rng([SEED, seed])
+    size, mass = 10 ** random.uniform(-0.2, 1), 10 ** random.uniform(-0.5, 2)
+    angle = 2 * np.pi * (np.arange(cables) + random.uniform(-0.2, 0.2, cables)) / cables
+    exits = size * np.stack([0.6 * np.cos(angle), 0.5 * np.sin(angle), random.uniform(0.9, 1.1, cables)], -1)
+    anchors = size * np.stack([0.09 * np.cos(angle + 0.4), 0.1 * np.sin(angle + 0.4), random.uniform(-0.05, 0.08, cables)], -1)
+    centre = size * random.uniform(-0.02, 0.02, 3)
+    workspace = size * np.array([[-0.1, -0.1, 0.2], [0.12, 0.1, 0.4]])
+    if mobility == "planar":  # every other cable from below
+        exits[:, 1], anchors[:, 1], centre[1], workspace[:, 1] = 0, 0, 0, 0
+        exits[:, 0] = size * np.where(np.arange(cables) < cables / 2, -0.5, 0.6) * random.uniform(0.9, 1.1, cables)
+        anchors[:, 0] = size * np.where(np.arange(cables) < cables / 2, -0.1, 0.09)
+        exits[::2, 2], anchors[::2, 2] = size * random.uniform(-0.4, -0.3, (cables + 1) // 2), -0.06 * size
+    return cdpr.Robot(
+        exits, anchors, mass * 9.81 * 10 ** random.uniform(2.3, 3) * random.uniform(0.7, 1.3, cables), mass,
+        center_of_mass=centre, gravity=random.uniform(3, 12), name=f"drawn {seed}", workspace=workspace,
+        mobility=mobility, inertia=mass * size**2 * np.array([0.004, 0.005, 0.006]),
+    )  # fmt: skip
+
+
+ROBOTS = {
+    "cogiro": lambda: cdpr.load_robot("cogiro"),  # suspended
+    "ipanema-1": lambda: cdpr.load_robot("ipanema-1"),  # fully constrained
+    "drawn, 3 cables": lambda: drawn(1, 3),  # under-actuated
+    "drawn, planar": lambda: drawn(2, 4, "planar"),
+    "drawn, 7 cables": lambda: drawn(3, 7),
+}
+
+CONTROLLED = "drawn, planar"
+"""The robot of negative controls."""
+
+
+# Properties.
+
+
+@dataclasses.dataclass
+class Draw:
+    """What the properties of a robot's cables are drawn from."""
+
+    robot: cdpr.Robot
+    names: frozenset[str]
+    random: np.random.Generator
+    given: dict = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.n = self.robot.cables
+        self.span = float(np.linalg.norm(self.robot.exits - self.robot.home - self.robot.anchors, axis=1).mean())
+        self.load = self.robot.weight / self.n
+
+    def some(self) -> np.ndarray:
+        """Most cables, the first of them always."""
+        return (self.random.random(self.n) < 0.7) | (np.arange(self.n) == 0)
+
+    def between(self, low: float, high: float) -> np.ndarray:
+        """A number for each cable, 0 for some."""
+        return self.random.uniform(low, high, self.n) * self.some()
+
+
+def pulley(d: Draw) -> dict:
+    axis = d.random.normal(size=(d.n, 3)) * [0.1, 0.1 * (d.robot.mobility == "spatial"), 0]
+    axis[:, 2] = d.random.choice([-1, 1], d.n)
+    return {"pulley_radius": d.span * d.between(0.005, 0.02), "pulley_axis": axis}
+
+
+def law(d: Draw) -> dict:
+    return {"stiffening": d.random.uniform([10, 0], [100, 1e4], (d.n, 2)) * d.some()[:, None]}
+
+
+def friction(d: Draw) -> dict:
+    line = {} if "drive line" in d.names else {"winch_to_exit": d.span * d.random.uniform(0.3, 1, d.n)}
+    return line | {"pulley_friction": d.between(0.02, 0.06)}  # it acts through the rope behind the exit
+
+
+def hysteresis(d: Draw) -> dict:
+    def elements(EA: float) -> list:
+        u = d.random.uniform
+        return [(u(0.05, 0.15), u(0.2, 1) * d.load / EA), (u(0.05, 0.15), np.inf, u(0.1, 0.5))]
+
+    mass, curved = d.given.get("linear_density", np.zeros(d.n)) > 0, np.any(d.given.get("stiffening", np.zeros((d.n, 2))), 1)
+    some = d.some() & ~(mass & curved)  # refused together on one cable
+    return {"hysteresis": [elements(EA) if one else [] for EA, one in zip(d.robot.axial_stiffness, some, strict=True)]}
+
+
+def creep(d: Draw) -> dict:
+    terms = [[(EA * d.random.uniform(2, 6), d.random.uniform(20, 200))] for EA in d.robot.axial_stiffness]
+    return {"creep": [one if some else [] for one, some in zip(terms, d.some(), strict=True)]}
+
+
+def limits(d: Draw) -> dict:
+    return {
+        "force_min": d.load * d.random.uniform(0, 0.05, d.n), "force_max": d.load * d.random.uniform(4, 9, d.n),
+        "breaking_load": d.load * d.random.uniform(0.5, 2, d.n),
+    }  # fmt: skip
+
+
+COLUMNS: dict[str, tuple[Callable[[Draw], dict], tuple[str, ...]]] = {
+    "pulley": (pulley, ("pulley_radius", "pulley_axis")),
+    "mass": (lambda d: {"linear_density": d.robot.mass / d.n / d.span * 10 ** d.random.uniform(-2.5, -1.3) * d.some()}, ("linear_density",)),
+    "law": (law, ("stiffening",)),
+    "drive line": (lambda d: {"winch_to_exit": d.span * d.between(0.3, 1)}, ("winch_to_exit",)),
+    "reeving": (lambda d: {"reeving": d.random.integers(1, 4, d.n)}, ("reeving",)),
+    "limits": (limits, ("force_min", "force_max", "breaking_load")),
+    "friction": (friction, ("pulley_friction",)),
+    "hysteresis": (hysteresis, ("hysteresis",)),
+    "creep": (creep, ("creep",)),
+}  # fmt: skip
+"""Of each property, what draws it, and the names of the robot's attributes that it is."""
+
+MEMORY = {"friction", "hysteresis", "creep"}
+ELASTIC = frozenset(COLUMNS) - MEMORY
+
+NOT_OF_CABLES = {
+    "exits", "anchors", "axial_stiffness", "mass", "center_of_mass", "inertia", "mobility", "gravity", "name", "platform_size",
+    "frame", "workspace", "material", "description", "source", "notes",
+}  # fmt: skip
+"""Arguments of ``Robot`` that every robot has, and which differ from robot to robot; and names."""
+
+
+def mixtures() -> list[frozenset[str]]:
+    """None, all, each property alone, and drawn ones until each pair has occurred; pairs without memory also without."""
+    random = np.random.default_rng(SEED)
+    found = [frozenset(), ELASTIC, frozenset(COLUMNS), *(frozenset([name]) for name in COLUMNS)]
+    for names, within in ((sorted(ELASTIC), ELASTIC), (sorted(COLUMNS), frozenset(COLUMNS))):
+        wanted = {frozenset(pair) for pair in itertools.combinations(names, 2)}
+        wanted -= {pair for one in found[12:] for pair in wanted if pair <= one}
+        while wanted:
+            one = frozenset(random.choice(names, random.integers(2, 1 + len(within) // 2 + 1), replace=False).tolist())
+            if any(pair <= one for pair in wanted):
+                found.append(one)
+                wanted = {pair for pair in wanted if not pair <= one}
+    return found
+
+
+MIXTURES = mixtures()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Case:
+    """A robot with a mixture of properties, and what is asked of it."""
+
+    names: frozenset[str]
+    robot: cdpr.Robot
+    pose: np.ndarray
+    rest: np.ndarray
+    load: np.ndarray
+
+    @functools.cached_property
+    def problem(self) -> cdpr.Problem:
+        return cdpr.Problem.of(self.robot, self.pose, self.rest, self.load)
+
+    @functools.cached_property
+    def solved(self) -> cdpr.Equilibrium:
+        return cdpr.solve(self.problem)
+
+    @functools.cached_property
+    def rigid(self) -> cdpr.Equilibrium:
+        """On the rigid lengths of the pose, under its weight alone."""
+        return cdpr.solve(self.robot, self.pose)
+
+    @functools.cached_property
+    def rig(self) -> Rig:
+        return Rig.of(self.robot)
+
+    @property
+    def size(self) -> float:
+        return float(self.rest.mean())
+
+
+@functools.cache
+def case(robot: str, mixture: int) -> Case:
+    """One cell's robot, commanded pose, rest lengths and load, drawn by the seed."""
+    names, random = MIXTURES[mixture], np.random.default_rng([SEED, [*ROBOTS].index(robot), mixture])
+    draw = Draw(ROBOTS[robot](), names, random)
+    for name, (values, _) in COLUMNS.items():
+        if name in names:
+            draw.given |= values(draw)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made = draw.robot.replace(**draw.given)
+    spatial = made.mobility == "spatial"
+    pose = np.zeros(6)
+    pose[:3] = made.home + random.uniform(-0.15, 0.15, 3) * np.ptp(made.workspace, axis=0) * [1, spatial, 1]
+    pose[3:] = random.uniform(-0.05, 0.05, 3) * [spatial, 1, spatial]
+    load = random.uniform(-0.1, 0.1, 6) * made.weight * np.repeat([1, 0.1 * made.characteristic_length], 3)
+    if not spatial:
+        load[[1, 3, 5]] = 0
+    stretch = draw.load / (made.reeving * made.axial_stiffness)
+    rest = made.rest_lengths(pose) * (1 - stretch * random.uniform(0, 1, made.cables))
+    return Case(names, made, pose, rest, load)
+
+
+def cases_of(robot: str, count: int | None = None) -> list[Case]:
+    """Those of a robot: none, all, and its part of the others; or only the first few of them, the fullest first."""
+    k = [*ROBOTS].index(robot)
+    mine = [1, 2, 0, *(i for i in range(3, len(MIXTURES)) if i % 5 in (k, (k + 2) % 5))]
+    return [case(robot, i) for i in mine[:count]]
+
+
+# Judgements.
+
+
+def apart(at: Case, rig: Rig, found, *, rest=None, load=None, state=None, seconds=0.0, scale=1.0, ended=None) -> float:
+    """How far an equilibrium is from the oracle's beside it, with all that it says of itself, over the tolerances."""
+    rest, load = at.rest if rest is None else rest, at.load if load is None else load
+    ropes = oracle.Ropes(rig, rest, state, seconds)
+    position, rotation, K, there = oracle.equilibrium(rig, found.position, found.rotation_matrix, ropes, load)
+    if ended is not None:
+        ended.append(ropes.after(there.at_exit))
+    far = [
+        np.abs(position - found.position).max() / at.size / NEAR,
+        np.abs(rotation - found.rotation_matrix).max() * rig.size / at.size / NEAR,
+        np.abs(there.tensions - found.tensions).max() / at.robot.weight / NEAR,
+        np.abs(there.lengths - found.lengths).max() / at.size / NEAR,
+    ]
+    close = np.abs(there.lengths - rest) < NEAR * at.size  # neither slack nor taut within rounding
+    far.append(0.0 if ((there.slack == found.slack) | close).all() else np.inf)
+    far.append(0.0 if (found.overloaded == (there.tensions > at.robot.breaking_load)).all() else np.inf)
+    values = getattr(found, "eigenvalues", None)
+    if values is not None and np.isfinite(values).all():
+        mine = np.linalg.eigvalsh((K + K.T) / 2)
+        far.append(np.abs(mine - values).max() / np.abs(mine).max() / EIGENVALUES)
+    return float(np.max(far)) / scale
+
+
+Judge = Callable[[Rig], float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """An answer.
+
+    Attributes:
+        ask: asks the package about a case, and returns the judge of the answer.
+        of: public names that give it.
+        refuses: by property, the sentence with which the package refuses cables that have it.
+        few: how many of a robot's cases are asked, the fullest ones first; None: all. Slow answers have few.
+        robots: of which robots; None: of all.
+        blind: properties of which 1 % does not change this answer, with the reason in the row's docstring.
+    """
+
+    ask: Callable[[Case], Judge]
+    of: tuple[str, ...]
+    refuses: dict[str, str]
+    few: int | None
+    only: Callable[[Case], bool]
+    blind: frozenset[str]
+
+
+ROWS: dict[str, Row] = {}
+
+NO_MEMORY = dict.fromkeys(MEMORY, "their memory is not taken into account here")
+
+
+def row(*of: str, refuses=None, few=None, only=lambda at: True, blind=()):
+    """Make a function a row, named as it is."""
+
+    def add(ask):
+        assert ask.__doc__
+        ROWS[ask.__name__.strip("_").replace("_", " ")] = Row(
+            functools.cache(ask), of, refuses or {}, few, only, frozenset(blind) | {"limits"} - set(of)
+        )
+        return ask
+
+    return add
+
+
+def worst(*judges: Judge) -> Judge:
+    """All of them."""
+    return lambda rig: max(judge(rig) for judge in judges)
+
+
+def near(at: Case, found, **given) -> Judge:
+    """The judge of one equilibrium."""
+    return lambda rig: apart(at, rig, found, **given)
+
+
+# Equilibria.
+
+
+@row("solve")
+def _solve(at: Case) -> Judge:
+    """Newton's method."""
+    return near(at, at.solved)
+
+
+@row("solve", refuses=NO_MEMORY, few=6)
+def _seecr(at: Case) -> Judge:
+    """The paper's two solvers, where they converge."""
+    judges = []
+    for method in ("fsolve", "least_squares"):
+        with contextlib.suppress(cdpr.NotConverged):
+            judges.append(near(at, cdpr.solve(at.problem, method=method), scale=100.0))
+    return worst(*judges, lambda rig: 0.0)
+
+
+@row("solve_many")
+def _solve_many(at: Case) -> Judge:
+    """Two poses at once, with two masses."""
+    poses = np.array([at.pose, at.pose + [0.02 * at.size, 0, 0.02 * at.size, 0, 0, 0]])
+    masses = at.robot.mass * np.array([1.0, 1.1])
+    if at.names & MEMORY:
+        masses = at.robot.mass
+    batch = cdpr.solve_many(at.robot, poses, at.rest, external_wrench=at.load, mass=masses)
+    masses = np.broadcast_to(masses, 2) / at.robot.mass
+    one, two = batch[0], batch[1]
+    return lambda rig: max(
+        apart(at, dataclasses.replace(rig, mass=rig.mass * m), found) for m, found in zip(masses, (one, two), strict=True)
+    )
+
+
+@row("solve_trajectory")
+def _solve_trajectory(at: Case) -> Judge:
+    """The equilibria of the commands of a motion."""
+    motion = cdpr.Trajectory.through(cdpr.solve_many(at.robot, np.array([at.pose, at.pose])), np.array([0.0, 1.0]))
+    found = cdpr.solve_trajectory(motion)[1]
+    return near(at, found, rest=at.robot.rest_lengths(at.pose), load=0.0)
+
+
+@row("settle", "settle_trajectory", few=5)
+def _settle(at: Case) -> Judge:
+    """In MuJoCo; and with the motion to it."""
+    if at.names & MEMORY:
+        return near(at, cdpr.settle(at.problem))
+    found, motion = cdpr.settle_trajectory(at.problem)
+    last = motion[len(motion) - 1]
+    assert np.abs(last.position - found.position).max() < NEAR * at.size
+    return near(at, found)
+
+
+@row("settle_many", few=3)
+def _settle_many(at: Case) -> Judge:
+    """On threads."""
+    return near(at, cdpr.settle_many(cdpr.Problems.of(at.robot, at.pose[None], at.rest, at.load), threads=1)[0])
+
+
+def along(at: Case, method) -> Judge:
+    """There, on, and back, with time between, so that ropes with a memory have one."""
+    poses = at.pose + np.outer([0, 1, 0.9, 0], [0.06 * at.size, 0, 0.03 * at.size, 0, 0, 0])
+    times = np.array([0.0, 30.0, 30.0, 100.0])
+    path = method(at.robot, poses, times=times, external_wrench=at.load)
+
+    def judge(rig: Rig) -> float:
+        states, far = [None], []
+        for k, seconds in enumerate(np.diff(times, prepend=0.0)):
+            found = path[k]
+            far.append(apart(at, rig, found, rest=found.rest_lengths, state=states[-1], seconds=seconds, ended=states))
+        remembered = path.memory
+        new = np.isfinite(rig.pulley_friction) & (rig.pulley_friction > 0)
+        for name, size in (("strains", 1e-3), ("beyond", at.size), ("creep", 1e-3)):
+            mine, theirs = getattr(states[-1], name), getattr(remembered, name)
+            if mine.size and (name != "beyond" or new.any()):
+                where = new if name == "beyond" else slice(None)
+                far.append(np.abs(mine - theirs)[where].max() / size / NEAR / 100)
+        return max(far)
+
+    return judge
+
+
+@row("solve_path")
+def _solve_path(at: Case) -> Judge:
+    """Along a path, with the memory at its end."""
+    return along(at, cdpr.solve_path)
+
+
+@row("settle_path", few=4)
+def _settle_path(at: Case) -> Judge:
+    """The same in MuJoCo."""
+    return along(at, cdpr.settle_path)
+
+
+@row("find_equilibria", refuses=NO_MEMORY, few=4)
+def _find_equilibria(at: Case) -> Judge:
+    """Each that is found is one."""
+    found = cdpr.find_equilibria(at.problem, starts=3).found
+    assert found
+    return worst(*(near(at, one) for one in found))
+
+
+@row("follow_load", refuses=NO_MEMORY)
+def _follow_load(at: Case) -> Judge:
+    """At the third and the last step of the load."""
+    path = cdpr.follow_load(at.problem)
+
+    def judge(rig: Rig) -> float:
+        steps = [(path.loads[k], path.equilibria[k]) for k in (2, -1)]
+        return max(apart(at, dataclasses.replace(rig, gravity=f * rig.gravity), one, load=f * at.load) for f, one in steps)
+
+    return judge
+
+
+@row("grow_gravity", refuses=NO_MEMORY, few=2)
+def _grow_gravity(at: Case) -> Judge:
+    """In MuJoCo, the end of it."""
+    problem = cdpr.Problem.of(at.robot, at.pose, at.rest)
+    return near(at, cdpr.grow_gravity(problem, seconds=1.0), load=0.0)
+
+
+@row("sweep", "open_sweep")
+def _sweep(at: Case) -> Judge:
+    """A pose as rows of a dataset."""
+    data = cdpr.sweep(at.robot, poses=at.pose[None], external_wrench=at.load, chunk=None, quantities=[
+        "position", "rotation_vector", "tensions", *(["eigenvalues"] if not at.names & MEMORY else []), "feasible",
+    ])  # fmt: skip
+    return tabled(at, data, "")
+
+
+def tabled(at: Case, data, prefix: str) -> Judge:
+    values = {name: data[prefix + name].values.ravel() for name in ("position", "rotation_vector", "tensions")}
+    rest = at.robot.rest_lengths(at.pose)
+    rotation = Rotation.from_rotvec(values["rotation_vector"]).as_matrix()
+
+    def judge(rig: Rig) -> float:
+        position, R, K, there = oracle.equilibrium(rig, values["position"], rotation, oracle.Ropes(rig, rest), at.load)
+        far = [np.abs(position - values["position"]).max() / at.size, np.abs(there.tensions - values["tensions"]).max() / at.robot.weight]
+        far = [max(far) / NEAR, np.abs(R - rotation).max() / NEAR]
+        if prefix + "eigenvalues" in data:
+            mine = np.linalg.eigvalsh((K + K.T) / 2)
+            far.append(np.abs(mine - data[prefix + "eigenvalues"].values.ravel()).max() / mine.max() / EIGENVALUES)
+        return max(far)
+
+    return judge
