@@ -46,6 +46,7 @@ class Rig:
     center_of_mass: np.ndarray
     gravity: float
     home: np.ndarray  # the middle of the workspace
+    inertia: np.ndarray  # about the centre of mass, in the platform's frame
     free: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
 
     @classmethod
@@ -366,3 +367,27 @@ def equilibrium(
             return position, rotation, K, at
         position, rotation = position + step[:3], turned(rotation, step[3:])
     raise AssertionError("the oracle found no equilibrium near this pose")
+
+
+def mass_matrix(rig: Rig, rotation: np.ndarray) -> np.ndarray:
+    """Of the platform about its origin on the free directions, rotations times ``size`` [kg]."""
+    c, J = rotation @ rig.center_of_mass, rotation @ rig.inertia @ rotation.T
+    cross = np.cross(np.eye(3), c)
+    M = np.block([[rig.mass * np.eye(3), -rig.mass * cross], [rig.mass * cross, J - rig.mass * cross @ cross]])
+    units = np.repeat([1.0, rig.size], 3)[list(rig.free)]
+    return M[np.ix_(rig.free, rig.free)] / np.outer(units, units)
+
+
+def shapes(rig: Rig, position: np.ndarray, rotation: np.ndarray, ropes: Ropes, points: int) -> np.ndarray:
+    """Points of cables with mass, equally spaced on what is free of them without stretch; from the anchor backwards."""
+    some = np.asarray(rig.linear_density) > 0
+    there = balance(rig, position, rotation, ropes)
+    part, weight = rig.only(some), (rig.reeving * rig.linear_density * rig.gravity)[some]
+    piece = (ropes.rest - rig.wrapped)[some] / (points - 1)
+    S = piece[:, None, None] * (np.arange(points - 1)[:, None] + NODES)
+    along = there.leaves[:, None, None, :] + (weight[:, None, None] * S)[..., None] * UP
+    T = np.linalg.norm(along, axis=-1)
+    stretch = 1 + np.moveaxis(Ropes(part, ropes.rest[some]).strain(np.moveaxis(T, 0, -1)), -1, 0)
+    pieces = (along * (stretch / T * PARTS * piece[:, None, None])[..., None]).sum(-2)
+    ends = position + part.anchors @ rotation.T
+    return ends[:, None] - np.concatenate([np.cumsum(pieces[:, ::-1], 1)[:, ::-1], np.zeros((len(ends), 1, 3))], 1)
