@@ -1,8 +1,8 @@
 """Static balance of a cable robot from first principles: NumPy alone, and nothing of the package.
 
 The witness of the tests. Written from the manual (``docs/concepts``), with other equations than the package's: tangents
-of a wheel by complex numbers, cables with mass by quadrature and shooting, laws inverted by Newton's method, ropes with a
-memory by bisection, stiffness by differences. All parts of line of a cable are one cable here: n EA, n w, g/n.
+of a wheel by complex numbers, cables with mass by quadrature and shooting, laws inverted by Newton's method, ropes with
+a memory by one bracketed root, stiffness by differences. All parts of line are one cable here: n EA, n w, g/n.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST_STRAIN = 0.2
 """End of the polynomial laws, beyond which they go on straight."""
 
 SLACK_WITH_MASS = False
-"""Whether ``Answer.slack`` needs of cables with mass also a tension of at most their weight or 1 % of the platform's."""
+"""Whether slack cables with mass also have a tension of at most their own weight or 1 % of the platform's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ class Ropes:
         rubbed = np.isfinite(self.old.beyond) & (rig.pulley_friction > 0)
         limits = (self.EA / (rest + self.behind / self.ratio) + self.EA / (rest + self.behind * self.ratio)) / 2
         self.rubbed, self.limits, self.slope = rubbed, limits, np.where(rubbed, limits, self.EA / self.whole)
-        # Creep by linear interpolation of the tension in time: z(t) = exp(−x) z0 + (p − exp(−x)) T0/EA1 + (1 − p) T/EA1.
+        # Creep under a tension that is linear in time: exp(−x) z0 + (p − exp(−x)) T0/EA1 + (1 − p) T/EA1.
         (EA1, tau), T0 = np.moveaxis(rig.creep, -1, 0), self.old.tensions[:, None]
         x = seconds / tau
         p = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0)
@@ -173,14 +173,15 @@ class Ropes:
         return e + self.whole * (self.crept + self.softer * T[..., None]).sum(-1), T, e, behind, sprung
 
     def reached(self, part: int, value: np.ndarray) -> np.ndarray:
-        """Strain of the first loading at which the stretch (0) or the force (1) has a value, by the rule of Illinois."""
+        """Strain of the first loading at which the stretch (0) or force (1) has a value: regula falsi (Illinois)."""
         low, high = np.zeros(np.shape(value)), np.full(np.shape(value), 1e-3)
         while (self.parts(high)[part] < value).any():
             high *= 4
         below, above = self.parts(low)[part] - value, self.parts(high)[part] - value
         solvable, side = below < 0, 0  # the others are not stretched
         for _ in range(100):
-            middle = np.clip((low * above - high * below) / (above - below), low, high)
+            gap = np.where(above > below, above - below, np.inf)
+            middle = np.clip(low + (high - low) * -below / gap, low, high)
             miss = self.parts(middle)[part] - value
             if (~solvable | (np.abs(miss) <= 1e-15 * value)).all():
                 break
@@ -288,7 +289,7 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Balance at some poses: net wrench (..., 6), and of each cable tension of the rope, length, pull and force at the exit."""
+    """Balance at some poses: net wrench (..., 6); of each cable the rope's tension, length, pull, force at the exit."""
 
     wrench: np.ndarray
     tensions: np.ndarray

@@ -50,7 +50,9 @@ def test_the_solver_finds_every_proved_stable_equilibrium() -> None:
         for position, rotation, tensions, slack, unstable in proved(one):
             if unstable:
                 continue
-            start = RigidTransform.from_components(position + [1e-7, 0, -1e-7], Rotation.from_matrix(rotation))
+            start = RigidTransform.from_components(
+                position + np.array([1e-7, 0, -1e-7]), Rotation.from_matrix(rotation)
+            )
             found = cdpr.solve(robot, start, one["rest_lengths"], external_wrench=one["external_wrench"])
             assert np.abs(found.position - position).max() < AGREE, one["name"]
             assert np.abs(found.tensions - tensions).max() < STRAIN * robot.axial_stiffness.max(), one["name"]
