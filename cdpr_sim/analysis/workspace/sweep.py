@@ -231,7 +231,7 @@ def sweep(
                 found = _arrays(_of_rigid_cables, {name: RIGID[name]}, one, points, **conditions)
                 piece = piece.merge(found.expand_dims(material=some["material"]) if len(alike) > 1 else found)
             pieces.append(piece)
-        part = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")
+        part: xr.Dataset = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")  # type: ignore[assignment]
         density = [one.linear_density for one in (variants[robot.name] if len(alike) > 1 else [robot])]
         parts.append(_with_robot(part, robot, stiffness, np.array(density) if len(alike) > 1 else density[0]))
     result = parts[0]
