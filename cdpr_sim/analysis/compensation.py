@@ -215,7 +215,8 @@ def compensate(
         robot = without_pretension(robot)  # the tensions are chosen here
     given_problem = Problem.of(robot, pose, external_wrench=external_wrench)
     given_problem.robot.cabling.refuse_memory()
-    robot, commanded = without_pretension(given_problem.robot), given_problem.pose
+    machine: Robot = without_pretension(given_problem.robot)
+    robot, commanded = machine, given_problem.pose
     rigid = Problem.of(
         robot, commanded, external_wrench=given_problem.external_wrench
     )  # refuses a pose above all exits

@@ -111,7 +111,8 @@ class Problem(Posed, HtmlRepr):
         if rest_lengths is None:
             warn_where_outside(robot, at.position)
         made = cls(robot, at, rest, wrench)
-        _refuse_strain(robot, made.load, robot.weight, float((robot.reeving * robot.axial_stiffness).max()))
+        load = made.load if wrench.any() else robot.weight  # without BLAS, as models are written
+        _refuse_strain(robot, load, robot.weight, float((robot.reeving * robot.axial_stiffness).max()))
         return made
 
     @property
