@@ -93,7 +93,9 @@ vars(typer.testing)["_get_command"] = functools.cache(typer.main.get_command)
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("default")
 
-import cdpr_sim as cdpr  # noqa: E402  (after the hook)
+import compile_first  # noqa: E402  (after the hook)
+
+import cdpr_sim as cdpr  # noqa: E402
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -103,6 +105,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         function = item.nodeid.rpartition("/")[2].partition("[")[0]
         if not marked.isdisjoint((function, function.partition("::")[0])):
             item.add_marker("floor")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list) -> None:
+    """Compiles before there are workers, which would all compile the same code and count it as the tests' time."""
+    if not config.option.collectonly and (names := compile_first.missing()):
+        config.get_terminal_writer().line(f"compiling {len(names)} kernels")
+        compile_first.compile_all(names, len(specs))
 
 
 def pytest_runtest_setup() -> None:
