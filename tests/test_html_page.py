@@ -330,7 +330,7 @@ return [...document.querySelectorAll("body *")].filter(speaks).map((one) => {
 def browser() -> Iterator:
     """Chromium without a window, by the driver that is installed beside it; nothing is downloaded."""
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    programs = shutil.which("chromium"), shutil.which("chromedriver")
+    programs = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
     if None in programs:
         pytest.skip("Chromium and its driver are not installed")
     options = webdriver.ChromeOptions()
