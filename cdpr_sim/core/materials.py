@@ -70,7 +70,10 @@ class Rope:
         return "unknown" if self.strength is None else f"{self.strength / 1e6:.0f} MPa"
 
     def of(self, diameter: float) -> Material:
-        """The cable of this diameter [m], named like ``steel-rope-4mm``.
+        """The cable of this diameter, named like ``steel-rope-4mm``.
+
+        Args:
+            diameter: of the rope [m].
 
         Returns:
             Its axial stiffness EA = E fill π d²/4 [N], its mass per length [kg/m] and its breaking load [N].

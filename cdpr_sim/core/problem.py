@@ -69,6 +69,13 @@ class Problem(Posed, HtmlRepr):
 
         A ``Problem`` is returned unchanged, and no other argument may be given with it.
 
+        Args:
+            robot: the robot; or a ``Problem``.
+            pose: commanded, (x, y, z) [m], a six-vector [m, rad] or a ``RigidTransform``.
+            rest_lengths: (cables,) [m].
+            external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity,
+                (6,); default: none.
+
         Returns:
             The problem, checked and frozen.
 
@@ -332,6 +339,9 @@ class Problems(Frozen):
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
         """(rows,) problems from single problems of the same robot.
+
+        Args:
+            problems: the problems, at least one.
 
         Returns:
             (rows,) problems.

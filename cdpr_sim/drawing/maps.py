@@ -19,6 +19,7 @@ from cdpr_sim.core.describe import span
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.lettering import in_legible_letters
 from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class _Row:
             yield ax, panel[horizontal].values, panel[vertical].values, panel.values
 
 
+@in_legible_letters
 def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> Figure:
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
@@ -132,6 +134,7 @@ def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> 
     return _draw(dataset, names)
 
 
+@in_legible_letters
 def draw_agreement_map(dataset: xr.Dataset) -> Figure:
     """Outcome of the comparison of MuJoCo and statics, and their difference, over a plane of the workspace.
 
