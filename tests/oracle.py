@@ -22,7 +22,7 @@ STRAIGHT = 0.05
 MOST_STRAIN = 0.2
 """End of the polynomial laws, beyond which they go on straight."""
 
-SLACK_WITH_MASS = False
+SLACK_WITH_MASS = True
 """Whether slack cables with mass also have a tension of at most their own weight or 1 % of the platform's."""
 
 

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from sample_problems import symmetric_pair
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim.cli import app
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
@@ -24,6 +26,7 @@ from cdpr_sim.proof.balls import arithmetic, exact, middles
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Enclosure
 from cdpr_sim.report import proof_tables
+from cdpr_sim.robots.robot_file_text import as_toml
 
 flint = pytest.importorskip("flint")
 
@@ -385,6 +388,19 @@ def test_a_search_that_is_stopped_is_resumed(tmp_path):
     file.write_bytes(b"PK damaged")
     with pytest.raises(StoreError, match="resumed"):
         cdpr.certify_all(problem, store=file)
+
+
+def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypatch, tmp_path):
+    """A place that cannot be written; on the command line also cables with mass, before other equilibria are found."""
+    monkeypatch.setattr(complete._Search, "run", lambda *_: pytest.fail("it searches"))
+    monkeypatch.setattr(cdpr, "find_equilibria", lambda *_, **__: pytest.fail("it searches"))
+    with pytest.raises(cdpr.InvalidInput, match="cannot be written"):
+        cdpr.certify_all(CASES["horizontal"], store="/proc/search.npz")
+    file = tmp_path / "heavy.toml"
+    file.write_text(as_toml(cdpr.load_robot("two-cable").replace(linear_density=5e-4)))
+    told = CliRunner().invoke(app, ["equilibria", str(file), "--certify"])
+    assert told.exit_code == 2
+    assert "found cables of" in told.stderr
 
 
 def test_a_planar_search_in_pieces_is_the_search_in_one(monkeypatch, lists):
