@@ -32,7 +32,6 @@ from oracle import Rig
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim import learning
 from cdpr_sim.robots.robot_file_text import as_toml
 
 SEED = 20261124
@@ -924,7 +923,6 @@ def _track_tensions(at: Case) -> Judge:
 @row("gym", refuses=NO_MEMORY | {"mass": "linear density|with mass|massless", "law": "nonlinear"}, few=8)
 def _gym(at: Case) -> Judge:
     """Where an environment's episode begins, as it is observed."""
-    learning.register()
     environment = gymnasium.make("cdpr_sim/Track-v0", robot=at.robot, winch_force=np.inf)
     seen, _ = environment.reset(seed=1)
     n = at.robot.cables

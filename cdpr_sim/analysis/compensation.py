@@ -245,7 +245,9 @@ def compensate(
     floor = HELD * rigid.force_scale / robot.characteristic_length
     possible = bool((lower <= demand.upper).all())
     if prefer == "stiffest" and np.isinf(upper).any():
-        stiffest(any_length, floor)  # refuses limits within which tensions can grow until cables are as short as allowed
+        stiffest(
+            any_length, floor
+        )  # refuses limits within which tensions can grow until cables are as short as allowed
     idle = len(robot.free) - demand.held.shape[1]
     chosen, missed = (smallest if prefer == "smallest" else stiffest)(demand, floor) if possible else None, 0
     for _ in range(0 if not possible else 1 if robot.cabling.massless else MASS_STEPS):
