@@ -22,9 +22,6 @@ STRAIGHT = 0.05
 MOST_STRAIN = 0.2
 """End of the polynomial laws, beyond which they go on straight."""
 
-SLACK_WITH_MASS = True
-"""Whether slack cables with mass also have a tension of at most their own weight or 1 % of the platform's."""
-
 
 @dataclass(frozen=True, eq=False)
 class Rig:
@@ -329,9 +326,8 @@ def balance(
         [pulls.sum(-2) + weight, np.cross(arms, pulls).sum(-2) + np.cross(rotation @ rig.center_of_mass, weight)], -1
     )
     slack = lengths <= ropes.rest
-    if SLACK_WITH_MASS:
-        own = rig.linear_density * rig.gravity * ropes.rest
-        slack &= tensions <= np.where(some, np.maximum(own, 0.01 * rig.mass * rig.gravity), np.inf)
+    own = rig.reeving * rig.linear_density * rig.gravity * ropes.rest
+    slack &= rig.reeving * tensions <= np.maximum(own, 0.01 * rig.mass * rig.gravity)
     return Answer(wrench + load, tensions, lengths, pulls, at_exit, np.where(some, slack, tensions <= 0), leaves)
 
 

@@ -185,9 +185,10 @@ ELASTIC = frozenset(COLUMNS) - MEMORY
 
 NOT_OF_CABLES = {
     "exits", "anchors", "axial_stiffness", "mass", "center_of_mass", "inertia", "mobility", "gravity", "name",
-    "platform_size", "frame", "workspace", "material", "description", "source", "notes",
+    "platform_size", "frame", "workspace", "material", "from_material", "description", "source", "notes", "pretension",
 }  # fmt: skip
-"""Arguments of ``Robot`` that every robot has, and which differ from robot to robot; and names."""
+"""Arguments of ``Robot`` that every robot has, and which differ from robot to robot; names; sources of numbers; and what
+only chooses rest lengths."""
 
 
 def mixtures() -> list[frozenset[str]]:
@@ -923,7 +924,7 @@ def _track_tensions(at: Case) -> Judge:
 @row("gym", refuses=NO_MEMORY | {"mass": "linear density|with mass|massless", "law": "nonlinear"}, few=8)
 def _gym(at: Case) -> Judge:
     """Where an environment's episode begins, as it is observed."""
-    environment = gymnasium.make("cdpr_sim/Track-v0", robot=at.robot, winch_force=np.inf)
+    environment = gymnasium.make("cdpr_sim.learning:cdpr_sim/Track-v0", robot=at.robot, winch_force=np.inf)
     seen, _ = environment.reset(seed=1)
     n = at.robot.cables
     found = SimpleNamespace(
