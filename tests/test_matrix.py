@@ -187,8 +187,8 @@ NOT_OF_CABLES = {
     "exits", "anchors", "axial_stiffness", "mass", "center_of_mass", "inertia", "mobility", "gravity", "name",
     "platform_size", "frame", "workspace", "material", "from_material", "description", "source", "notes", "pretension",
 }  # fmt: skip
-"""Arguments of ``Robot`` that every robot has, and which differ from robot to robot; names; sources of numbers; and what
-only chooses rest lengths."""
+"""Arguments of ``Robot`` that every robot has, and which differ from robot to robot; names; sources; and what only
+chooses rest lengths."""
 
 
 def mixtures() -> list[frozenset[str]]:
