@@ -279,10 +279,10 @@ def checked() -> Check:
 
 def scores() -> list[Score]:
     answers = [
-        ("easy", True, 9.5, True),
-        ("easy", True, 3.25, True),
-        ("easy", False, 0.0, False),
-        ("hard", True, 12.0, False),
+        ("lower", True, 9.5, True),
+        ("lower", True, 3.25, True),
+        ("lower", False, 0.0, False),
+        ("higher", True, 12.0, False),
     ]
     outcomes = tuple(
         Outcome(f"p{n}", level, n, claimed, digits, stable, 0.001 * (n + 1) ** 2)
