@@ -28,6 +28,7 @@ BEYOND_BEARTYPE = {
     "drawing.axes", "drawing.video.frame_layout",  # arrays among sequences
     "report.table_style",  # Rich's own types
     "core.equilibrium",  # fields that are read in another type than they may be given in
+    "core.materials",  # its check of a dict draws random numbers, which Hypothesis refuses while it draws a robot
 }  # fmt: skip
 """Where it does not follow."""
 
@@ -39,6 +40,38 @@ COMPILED = {
 
 AT_EVERY_STEP = {"core.pose_path", "physics.tendons", "statics.forces", "statics.derivatives"}
 """Or at every step of a search: called so often that a check takes longer than what they do."""
+
+
+FLOOR = {
+    "numpy, scipy, jaxtyping": ("test_pose.py", "test_equilibrium_batch.py"),
+    "mujoco": ("test_settle.py",),
+    "numba": ("test_compiling.py", "test_kernels.py"),
+    "pydantic": ("test_catalogue.py",),
+    "pyyaml, defusedxml": (
+        "test_importers.py::test_every_format_tells_of_the_same_crane",
+        "test_importers.py::test_hostile_files_are_refused_in_one_sentence",
+        "test_importers.py::test_yaml_that_grows_without_bound_is_not_walked",
+    ),
+    "typer, rich": ("test_cli.py", "test_cli_workspace.py", "test_cli_answers.py"),
+    "lazy-loader": ("test_extras.py",),
+    "matplotlib, pillow": (
+        "test_maps.py",
+        "test_figures.py::test_every_picture_has_a_title_labels_with_units_and_a_legend",
+        "test_figures.py::test_slack_cables_are_drawn_as_slack",
+    ),
+    "xarray, dask, distributed, zarr, h5netcdf, filelock": ("test_store.py", "test_sweep.py"),
+    "mediapy, imageio-ffmpeg": (
+        "test_video.py::test_a_video_decodes_to_the_frames_and_size_asked_for",
+        "test_video.py::test_the_encoder_that_comes_along_is_found",
+        "test_video.py::test_an_encoder_that_fails_is_one_sentence",
+        "test_video.py::test_show_plays_in_a_notebook",
+    ),
+    "gymnasium": ("test_learning.py",),
+    "pymoo": ("test_design.py::test_a_front_trades_displacement_against_tilt",),
+    "python-flint": ("test_problem_set.py",),
+    "selenium": ("test_html_page.py",),
+}
+"""Files, or functions of them, whose tests are marked ``floor``: those that use the most of each dependency."""
 
 
 def checked_modules() -> list[str]:
@@ -63,7 +96,26 @@ vars(typer.testing)["_get_command"] = functools.cache(typer.main.get_command)
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("default")
 
-import cdpr_sim as cdpr  # noqa: E402  (after the hook)
+import compile_first  # noqa: E402  (after the hook)
+
+import cdpr_sim as cdpr  # noqa: E402
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks the tests of ``FLOOR``."""
+    marked = {test for tests in FLOOR.values() for test in tests}
+    for item in items:
+        function = item.nodeid.rpartition("/")[2].partition("[")[0]
+        if not marked.isdisjoint((function, function.partition("::")[0])):
+            item.add_marker("floor")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list) -> None:
+    """Compiles before there are workers, which would all compile the same code and count it as the tests' time."""
+    if not config.option.collectonly and (names := compile_first.missing()):
+        config.get_terminal_writer().line(f"compiling {len(names)} kernels")
+        compile_first.compile_all(names, len(specs))
 
 
 def pytest_runtest_setup() -> None:

@@ -128,7 +128,7 @@ def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):
         )
     path = tmp_path / "line.csv"
     path.write_text("\n".join(lines))
-    result = run("identify", "cogiro", str(path), "--json")
+    result = run("identify", "cogiro", str(path), "--json", "--position-error", "0.01", "--rotation-error", "0.01")
     assert result.exit_code == 0
     assert json.loads(result.stdout)["unknowns"]["axial_stiffness"]["value"] == pytest.approx(800, rel=1e-4)
     result = run("identify", "cogiro", str(path), "--unknown", "axial_stiffness", "--unknown", "mass")

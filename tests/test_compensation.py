@@ -1,3 +1,4 @@
+import json
 import re
 
 import numpy as np
@@ -5,13 +6,17 @@ import pytest
 from hypothesis import given, settings
 from sample_problems import hanging_mass, paper_line, random_problems
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis import compensation
 from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN, TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
+from cdpr_sim.cli import app
 from cdpr_sim.core.pose import distance, moved
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis_tables import compensation_table, compensation_verdict
+from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.statics import forces, two_cable_closed_form
 from cdpr_sim.statics.derivatives import wrench_under_tensions
 from cdpr_sim.statics.given_tensions import cut
@@ -41,6 +46,8 @@ NEAREST = {
 NEAREST_ROUNDING, MOST_EVALUATIONS = 1e-12, 900
 """[m] Measured 2e-14. Measured 243, 181 and 644 evaluations; with ftol = 1e-14, and three of them for each point that
 SLSQP tries, 1000 and more."""
+
+SIZED = {"platform_size": (0.1, 0.1, 0.1)}
 
 SLOPE = 1e-7
 """Relative error of differences with steps of 10 micrometres."""
@@ -347,3 +354,47 @@ def test_what_cannot_be_compensated_with_cable_mass_is_said_in_a_sentence(catalo
         cdpr.NotConverged, match=r"N in cable 1, which weighs \S+ N, expected at least what its weight alone gives"
     ):
         cdpr.compensate(robot.replace(linear_density=20.0), (1.0, 1.0, 2.0), tensions=(0.0, 1e6))
+
+
+@pytest.mark.parametrize("changes", [{}, {"linear_density": 1e-3, "winch_to_exit": 0.1}, {"stiffening": (3.0, 50.0)}])
+def test_no_cable_is_shorter_than_a_winch_can_have(monkeypatch, changes):
+    """A load beside its exit: with a least length of 20 mm it is moved by what the cable lacks, along the cable."""
+    monkeypatch.setattr(compensation, "ROUNDS", 1)
+    robot = cdpr.Robot([[0, 0, 1], [1, 0, 1]], [[0, 0, 0]] * 2, 1e3, 1.0, mobility="planar", **SIZED).replace(**changes)
+    pose, least = (0.001, 0, 0.999), 0.02
+    found = cdpr.compensate(robot, pose, least_length=least)
+    assert not found.exact
+    assert "shorter than the least length of 20 mm: cable 1, 1.41 mm from exit to anchor" in found.reasons[0]
+    assert found.rest_lengths.min() == pytest.approx(least, rel=1e-5)
+    lacking = found.equilibrium.lengths[0] - np.hypot(0.001, 0.001)
+    assert lacking * (1 - 1e-9) < found.distance < 1.01 * lacking  # straight, but for what the tension changes
+    assert cdpr.solve(robot, found.pose, found.rest_lengths).position == pytest.approx(found.pose.translation, abs=1e-9)
+    # Negative control: with a bound of 10 µm, a pose nearer than that is held, on a cable of a millimetre or less.
+    free = cdpr.compensate(robot, pose, least_length=1e-5)
+    assert free.distance < 0.5 * found.distance
+    assert free.rest_lengths.min() < 0.002
+
+
+def test_a_compensation_that_is_not_reached_from_the_commanded_pose_is_told(monkeypatch, tmp_path):
+    """From there the search ends beyond the law's range; the command says what it has no result of."""
+    monkeypatch.setattr(compensation, "ROUNDS", 2)
+    robot = cdpr.Robot(
+        [[-0.53, 0, 1], [-0.81, 0, 1], [-0.68, 0, 1]], [[-0.04, 0, -0.03], [0.03, 0, 0.18], [-0.09, 0, 0.08]], 53.3,
+        1.0, stiffening=(-2, 5), mobility="planar", name="soft",
+    )  # fmt: skip
+    found = cdpr.compensate(robot, (-1, 0, 0.9))
+    assert found.reached is None
+    assert not found.reached_from_commanded
+    assert found.equilibrium.stable
+    # The command with the same result, which takes seconds to compute.
+    asked = []
+    monkeypatch.setattr(cdpr, "compensate", lambda *_, **options: asked.append(options) or found)
+    (tmp_path / "soft.toml").write_text(as_toml(robot))
+    command = ["compensate", str(tmp_path / "soft.toml"), "--pose", "-1", "0", "0.9", "--least-length", "0.001"]
+    told = CliRunner().invoke(app, command, env={"COLUMNS": "140"})
+    assert told.exit_code == 1
+    assert "no result before: soft: newton: a cable is strained by more than 20%" in " ".join(told.stdout.split())
+    values = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
+    assert values["before"] == {}
+    assert len(values["missing"]) == 3
+    assert asked[0]["least_length"] == 0.001

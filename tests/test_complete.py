@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 import time
 from fractions import Fraction
 from types import SimpleNamespace
@@ -12,8 +13,10 @@ import numpy as np
 import pytest
 from sample_problems import symmetric_pair
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim.cli import app
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
@@ -22,6 +25,8 @@ from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, exact, middles
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Enclosure
+from cdpr_sim.report import proof_tables
+from cdpr_sim.robots.robot_file_text import as_toml
 
 flint = pytest.importorskip("flint")
 
@@ -91,6 +96,42 @@ def test_the_list_of_a_planar_robot_is_proved_complete_and_many_starts_find_the_
     assert len(found) == len(proved)
     assert proved.missing_from(found) == ()
     assert len(proved.missing_from(found.found[:1])) == len(proved) - 1
+
+
+@pytest.mark.parametrize("stiffness", [5.0, 3.0])
+def test_equilibria_beyond_the_range_of_a_law_are_not_in_the_list(stiffness):
+    """At 5 N one of two roots is within 20 % of strain, at 3 N none: the list holds them, and says over which poses."""
+    robot = planar("planar-vertical", stiffening=(-0.5, 30), axial_stiffness=stiffness)
+    problem = cdpr.Problem.of(robot, (0.3, 0, 0.2))
+    proved = cdpr.certify_all(problem)
+    assert proved.complete
+    assert len(proved) == (stiffness > 4)
+    assert all((one.equilibrium.lengths <= 1.2 * one.equilibrium.rest_lengths).all() for one in proved)
+    assert "strained by at most 20%, the range of their law" in proof_tables.complete_note(proved)
+    if proved.certificates:  # of many starts, as many with an even as with an odd index are expected only if all count
+        found = cdpr.find_equilibria(problem, saddles=True, starts=STARTS)
+        assert (len(found), found.imbalance) == (1, None)
+    else:
+        with pytest.raises(cdpr.NotConverged, match="beyond the range of its nonlinear law") as refused:
+            cdpr.solve(problem)
+        certificate = cdpr.certify(refused.value.equilibrium)
+        assert not certificate.exists
+        assert re.fullmatch(
+            r"cable 1 is strained by \S+%, beyond the range of its nonlinear law, 20%", *certificate.reasons
+        )
+
+
+def test_the_range_of_a_law_ends_where_it_ends():
+    """A platform on one cable is in the list at a strain of 20 % less a billionth, and not at a billionth more."""
+    for more, count in ((-1e-9, 1), (1e-9, 0)):
+        strain = 0.2 + more
+        robot = cdpr.Robot(
+            [[0, 0, 2]], [[0, 0, 0.1]], 100.0, 100 * strain * (1 + strain * (3 + 5 * strain)) / 9.81,
+            stiffening=(3, 5), mobility="planar", platform_size=(0.2, 0.2, 0.2),
+        )  # fmt: skip
+        proved = cdpr.certify_all(robot, [1.0])
+        assert proved.complete
+        assert sum(one.stable for one in proved) == count
 
 
 def test_a_torque_leaves_the_list_complete():
@@ -349,6 +390,19 @@ def test_a_search_that_is_stopped_is_resumed(tmp_path):
         cdpr.certify_all(problem, store=file)
 
 
+def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypatch, tmp_path):
+    """A place that cannot be written; on the command line also cables with mass, before other equilibria are found."""
+    monkeypatch.setattr(complete._Search, "run", lambda *_: pytest.fail("it searches"))
+    monkeypatch.setattr(cdpr, "find_equilibria", lambda *_, **__: pytest.fail("it searches"))
+    with pytest.raises(cdpr.InvalidInput, match="cannot be written"):
+        cdpr.certify_all(CASES["horizontal"], store="/proc/search.npz")
+    file = tmp_path / "heavy.toml"
+    file.write_text(as_toml(cdpr.load_robot("two-cable").replace(linear_density=5e-4)))
+    told = CliRunner().invoke(app, ["equilibria", str(file), "--certify"])
+    assert told.exit_code == 2
+    assert "found cables of" in told.stderr
+
+
 def test_a_planar_search_in_pieces_is_the_search_in_one(monkeypatch, lists):
     """Many short calls on two threads, divided between them, find the same equilibria."""
     monkeypatch.setattr(complete, "CALL", 20)
@@ -373,6 +427,7 @@ def test_a_cluster_that_an_equilibrium_covers_in_part_is_undecided(monkeypatch):
     search: Any = SimpleNamespace(setups=[SimpleNamespace(scales=np.ones((6, 1)), least=1.0)])
     monkeypatch.setattr(complete, "_near", lambda *_: "member")
     monkeypatch.setattr(complete, "_at_kink", lambda *_: False)
+    monkeypatch.setattr(complete, "_beyond_law", lambda _: False)
     for covered, undecided in ((2.0, 0), (1.0, 1)):
         monkeypatch.setattr(complete, "_in_balls", lambda _, chart, box, most=covered: box.max() <= most)
         members: list[Any] = []

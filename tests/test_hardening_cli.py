@@ -240,6 +240,32 @@ def test_a_narrow_terminal_gets_one_method_below_the_other():
         assert all(len(line) <= columns for line in narrow.splitlines())
 
 
+@pytest.mark.parametrize("columns", [0, 1])
+def test_a_terminal_without_width_gets_the_usual_one(columns):
+    """With COLUMNS=0 nothing was printed, with status 0."""
+    result = run("solve", "parallel", columns=columns)
+    assert result.stdout == run("solve", "parallel").stdout
+    assert "tilt" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("variable", "words", "sentence"),
+    [
+        ("MPLBACKEND", ["show", "parallel"], ""),
+        ("MUJOCO_GL", ["settle", "parallel"], "MUJOCO_GL: found 'nonsense', which MuJoCo cannot use here, expected"),
+    ],
+)
+def test_a_variable_of_a_library_with_nonsense_is_no_traceback(variable, words, sentence, tmp_path):
+    """Pictures are files, for which no backend matters; MuJoCo cannot be imported, which is said in a sentence."""
+    done = process(*words, env=ENVIRONMENT | {variable: "nonsense"}, cwd=tmp_path)
+    if sentence:
+        assert (done.returncode, done.stdout) == (2, "")
+        one_sentence(done.stderr, sentence)
+    else:
+        assert (done.returncode, done.stderr) == (0, "")
+        assert (tmp_path / "robot.png").exists()
+
+
 @pytest.mark.parametrize(
     "words",
     [

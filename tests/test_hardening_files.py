@@ -7,6 +7,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import conftest
+import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
@@ -86,28 +88,77 @@ def test_the_table_of_files_that_a_change_touches_names_files_and_counts_them():
             assert "NAME" in path or (ROOT / path).exists() or (ROOT / "cdpr_sim" / path).exists(), path
 
 
-def test_ci_leaves_the_folder_that_it_is_called_in_as_it_is(tmp_path):
-    """README's tests run in a copy, with what is not committed yet, and a developer's .venv is not touched."""
-    here, beside = tmp_path / "checkout", tmp_path / "beside"
-    (here / ".ci").mkdir(parents=True)
-    (here / ".ci" / "run").write_bytes((ROOT / ".ci" / "run").read_bytes())
-    (here / ".venv").mkdir()
-    (here / ".venv" / "mine").write_text("mine")
-    (here / "new.py").write_text("")
-    (here / "README.md").write_text(
-        "<!-- tests -->\n```sh\nls -A > $SEEN && mkdir .venv && touch made && exit 7\n```\n"
-    )
-    beside.mkdir()
-    for browser in ("chromium", "chromedriver"):  # as if they were installed
-        (beside / browser).touch(0o755)
-    before = {path: path.stat().st_mtime_ns for path in here.rglob("*")}
-    place = os.environ | {
-        "PATH": f"{beside}:{os.environ['PATH']}",
-        "SEEN": str(tmp_path / "seen"),
-        "TMPDIR": str(beside),
+CI = """\
+place=$1 && shift
+git() { command git -c user.name=me -c user.email=me@example.org "$@"; }
+mkdir -p checkout/.ci checkout/.venv beside && cd checkout
+cp "$place"/.ci/{run,floor.txt} .ci
+touch .venv/mine pyproject.toml removed.py
+echo .venv > .gitignore
+printf '%s\\n' '<!-- tests -->' '```sh' "$*" '```' > README.md
+git init -q && git add . && git commit -qm all && rm removed.py && touch new.py
+cat > ../beside/python3 <<'END' # makes environments without their programs
+[ "$2" != venv ] || { mkdir -p "$3/bin" && for name in pip ruff python mkdocs pyright; do
+    ln -s "$(type -P true)" "$3/bin/$name"; done; }
+END
+touch ../beside/{google-chrome,chromedriver}
+echo 'echo libEGL.so.1' > ../beside/ldconfig && chmod +x ../beside/*
+"""
+"""A checkout with an environment, a removed file and a new one; README's tests are a command of ours."""
+
+
+def ci(tmp_path: Path, command: str) -> subprocess.Popen:
+    """``.ci/run``, where README's tests are ``command`` and all other programs do nothing."""
+    subprocess.run(["bash", "-euc", CI, "ci", str(ROOT), command], cwd=tmp_path, check=True)
+    environment = os.environ | {
+        "PATH": f"{tmp_path / 'beside'}:{os.environ['PATH']}",
+        "CDPR_SIM_CI": str(tmp_path / "place"),
+        "AT": str(tmp_path),
     }
-    done = subprocess.run(["bash", here / ".ci" / "run"], env=place, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 7, done.stderr
-    assert (tmp_path / "seen").read_text().split() == [".ci", "README.md", "new.py"]
-    assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before
-    assert {path.name for path in beside.iterdir()} == {"chromium", "chromedriver"}
+    run = ["bash", tmp_path / "checkout" / ".ci" / "run"]
+    return subprocess.Popen(run, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def test_ci_leaves_the_folder_that_it_is_called_in_as_it_is(tmp_path):
+    """README's tests run in a copy of what a commit would contain, and a developer's .venv is not touched."""
+    process = ci(tmp_path, "ls -A > $AT/seen && mkdir .venv && touch made && exit 7")
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 7, said
+    expected = [".ci", ".gitignore", "README.md", "new.py", "pyproject.toml"]
+    assert sorted((tmp_path / "seen").read_text().split()) == sorted(expected)
+    assert {path.name for path in (tmp_path / "checkout").iterdir()} == {*expected, ".git", ".venv"}
+    assert [path.name for path in (tmp_path / "checkout" / ".venv").iterdir()] == ["mine"]
+
+
+def test_ci_fails_where_a_test_is_skipped_that_could_have_run(tmp_path):
+    """It installs Chromium; the tests of JAX have a step of their own."""
+    line = "SKIPPED [1] tests/test_html_page.py:335: Chromium and its driver are not installed"
+    allowed = "SKIPPED [1] tests/test_jax.py:15: could not import 'jax': No module named 'jax'"
+    process = ci(tmp_path, f"echo \"{allowed}\"; echo '{line}'; echo '5 passed, 2 skipped in 1.00s'")
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 1, said
+    assert f"\n5 passed, 2 skipped in 1.00s\n{line}\n== failed: these tests were skipped" in said
+
+
+def test_of_two_runs_of_ci_one_waits_for_the_other(tmp_path):
+    """And says so; both share compiled code and environments."""
+    (tmp_path / "place").mkdir()
+    with (tmp_path / "place" / "lock").open("w") as lock:
+        fcntl = pytest.importorskip("fcntl", reason="Windows has no locks of this kind")
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        process = ci(tmp_path, "exit 7")
+        assert process.stdout is not None
+        assert "this one waits until it ends" in process.stdout.readline()
+        assert process.poll() is None
+    process.communicate(timeout=60)
+    assert process.returncode == 7
+
+
+def test_every_dependency_with_an_oldest_version_has_tests_that_run_with_it():
+    """All but those of the manual, which ``.ci/run --all`` builds with them, and MJX; each test exists."""
+    named = {name for names in conftest.FLOOR for name in names.split(", ")}
+    oldest = {line.partition("==")[0] for line in (ROOT / ".ci" / "floor.txt").read_text().split()}
+    assert oldest - named == {"mujoco-mjx", "mkdocs-material", "mkdocstrings", "latex2mathml"}
+    for test in (test for tests in conftest.FLOOR.values() for test in tests):
+        file, _, function = test.partition("::")
+        assert f"def {function}" in (ROOT / "tests" / file).read_text(), test

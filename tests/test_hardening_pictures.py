@@ -1,16 +1,19 @@
 """What a stranger would trip over in pictures: numbers, labels that collide, stepped borders, wrong colours."""
 
 import functools
+import io
 import itertools
 
 import numpy as np
 import pytest
+from matplotlib import font_manager
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import same_color
+from matplotlib.text import Text
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import feasibility
-from cdpr_sim.drawing import maps, style
+from cdpr_sim.drawing import lettering, maps, style
 from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 from cdpr_sim.drawing.video import writing
 from cdpr_sim.studies import lines, lines_figures, tilt_condition
@@ -274,6 +277,27 @@ def test_numbers_of_cables_do_not_collide():
 
 
 # Videos
+
+
+NAME = "机器人"
+"""Letters that DejaVu Sans lacks."""
+
+
+def test_names_in_any_script_are_drawn_without_warnings_by_a_font_that_has_them(catalogue, monkeypatch):
+    """In figures and videos: with a font where one is installed, and with boxes where there is none."""
+    robot = catalogue["two-cable"].replace(name=NAME)
+    dataset = cdpr.sweep(robot, {"x": [0.3, 0.4], "z": [0.1, 0.2]}, quantities=maps.QUANTITIES)
+    for installed in (True, False):
+        if not installed:
+            plain = [font for font in font_manager.fontManager.ttflist if font.name == "DejaVu Sans"]
+            monkeypatch.setattr(font_manager.fontManager, "ttflist", plain)
+            lettering.richest.cache_clear()
+        text, font = lettering.legible(NAME)
+        assert (text == "□□□") == (font is None)
+        for figure in (cdpr.draw(robot), maps.draw_elastic_map(dataset)):
+            figure.savefig(io.BytesIO())  # warnings are errors in these tests
+            assert any(text in one.get_text() for one in figure.findobj(Text))
+    lettering.richest.cache_clear()
 
 
 def test_slack_cables_have_the_legends_colour_in_shade_as_well():

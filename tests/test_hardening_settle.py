@@ -108,3 +108,10 @@ def test_without_load_a_wrong_model_still_disagrees():
     model.tendon_stiffness[0] *= 1.01
     wrong = cdpr.settle(robot, start, lengths, model=model)
     assert cdpr.compare(cdpr.solve(robot, start, lengths), wrong).verdict is Verdict.DISAGREE
+
+
+def test_a_robot_of_a_tenth_of_a_millimetre_settles():
+    """What is only drawn is not rounded to nothing, which MuJoCo would refuse."""
+    robot = cdpr.Robot(5e-5 * CORNERS, 5e-5 * CUBE, 100.0, 1e-2, pulley_radius=[2e-6] + 7 * [0])
+    problem = cdpr.Problem.of(robot, (0, 0, 5e-5))
+    assert np.linalg.norm(cdpr.settle(problem).position - cdpr.solve(problem).position) < 1e-8

@@ -278,10 +278,10 @@ return [...document.querySelectorAll("body *")].filter(speaks).map((one) => {
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
     """Chromium without a window, by the driver that is installed beside it; nothing is downloaded."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    programs = shutil.which("chromium"), shutil.which("chromedriver")
+    webdriver = pytest.importorskip("selenium.webdriver", reason="found no selenium: pip install selenium")
+    programs = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
     if None in programs:
-        pytest.skip("Chromium and its driver are not installed")
+        pytest.skip("found no chromium and chromedriver: on Debian, apt install chromium chromium-driver")
     options = webdriver.ChromeOptions()
     options.binary_location = programs[0]
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):

@@ -1,3 +1,4 @@
+import json
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,8 @@ from scipy.stats import chi2
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.identifiability import WORSE
 from cdpr_sim.analysis.identification_model import UNKNOWNS, IdentificationModel, unknowns_of
-from cdpr_sim.report.analysis_tables import identification_note
+from cdpr_sim.report import as_json
+from cdpr_sim.report.analysis_tables import identification_note, identification_table
 from cdpr_sim.statics import newton
 from studies.coverage import fitted, held
 
@@ -186,7 +188,7 @@ def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
     assert "cannot distinguish axial_stiffness and mass" in found.reasons[0]
     # Negative control: either alone is determined.
     for name in ("axial_stiffness", "mass"):
-        alone = cdpr.identify(robot, measurements, (name,))
+        alone = cdpr.identify(robot, measurements, (name,), position_error=NOISE, rotation_error=1e-4)
         assert np.isfinite(alone.standard_errors).all()
         assert alone.reasons == ()
 
@@ -236,7 +238,7 @@ def test_only_what_was_measured_counts(catalogue):
         ({"position_error": np.nan}, "position_error: found nan"),
         (
             {"unknowns": ["axial_stiffness_each", "rest_length_offsets"]},
-            "found 6 measured numbers, expected 17 or more",
+            "found 6 measured numbers, expected 16 or more",
         ),
     ],
 )
@@ -485,3 +487,59 @@ def test_intervals_hold_what_they_say(case, fits):
     found = fitted(case, fits, seed=1)
     assert held(found).mean() >= HELD
     assert held(found, coverage=0.3).mean() < 0.6
+
+
+@pytest.mark.parametrize(
+    ("measured", "coordinates", "why"),
+    [
+        ([[0.0991], [0.0991]], ["z"], "no residual is left"),
+        ([[0.0991]], ["z"], "no residual is left"),
+        ("exact", ["x", "y", "z"], "the residuals are rounding"),
+    ],
+)
+def test_errors_are_unknown_where_residuals_say_nothing_of_them(robot, measured, coordinates, why):
+    """A reading, the same twice, exact data: nan, a sentence, and null in JSON; with a stated error they are known."""
+    places = np.array([[0.4, 0.25, 0.1], [0.4, 0.25, 0.1]])[: len(measured)]
+    if measured == "exact":
+        places[1] = [0.3, 0.2, 0.1]
+        measured = exact_poses(robot.replace(axial_stiffness=850.0), places)[:, :3]
+    readings = cdpr.Measurements.of(places, measured, coordinates=coordinates)
+    found = cdpr.identify(robot, readings)
+    assert np.isnan(found.standard_errors).all()
+    assert np.isnan(found.intervals()).all()
+    assert np.isnan([found.bic, found.scatters["position"]]).all()
+    assert why in found.reasons[0]
+    assert found.reasons[0].endswith("state position_error")
+    assert "± unknown N" in repr(found)
+    assert "nan" not in identification_note(found)
+    assert "unknown" in [*identification_table(found).columns[2].cells]
+    values = as_json.identification(found)
+    json.dumps(values, allow_nan=False)
+    assert values["unknowns"]["axial_stiffness"]["standard_error"] is None
+    stated = cdpr.identify(robot, readings, position_error=1e-4)
+    assert stated.values == pytest.approx(found.values, rel=1e-6)
+    assert (stated.standard_errors > 1).all()
+    assert not stated.reasons
+
+
+def test_rows_that_are_identical_count_once(robot):
+    """A file with each row ten times has the errors, the predictions and the criteria of the file with each once."""
+    places = commanded(4)
+    poses = noisy(robot, exact_poses(robot, places), np.random.default_rng(1))
+    once = cdpr.identify(robot, cdpr.Measurements.of(places, poses))
+    many = cdpr.identify(robot, cdpr.Measurements.of(np.tile(places, (10, 1)), np.tile(poses, (10, 1))))
+    np.testing.assert_allclose(many.standard_errors, once.standard_errors, rtol=1e-9)
+    assert many.bic == pytest.approx(once.bic)
+    assert many.predictions == pytest.approx(once.predictions)
+    assert many.residuals.shape == (40, 6)
+    assert "36 of 40 rows repeat another one exactly" in identification_note(many)
+
+
+def test_another_reading_at_the_same_place_predicts_nothing(robot):
+    """Rows of one place are left out together: with one place, no prediction is made."""
+    places = np.tile(commanded(1), (5, 1))
+    poses = noisy(robot, exact_poses(robot, places), np.random.default_rng(1))
+    found = cdpr.identify(robot, cdpr.Measurements.of(places, poses))
+    assert not found.repeats.any()
+    assert np.isfinite(found.standard_errors).all()
+    assert np.isnan([*found.predictions.values()]).all()

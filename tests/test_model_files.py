@@ -96,7 +96,7 @@ def test_a_call_of_blas_is_noticed():
     """Negative control: of rest lengths for given tensions, and of the distance between two poses."""
     robot = cdpr.load_robot("ipanema-1")
     home = robot.pose(robot.home)
-    assert {"_balancing: @", "_balancing: pinv"} <= blas_in(lambda: robot.rest_lengths(home, tensions=100.0))
+    assert {"balance: @", "balance: pinv"} <= blas_in(lambda: robot.rest_lengths(home, tensions=100.0))
     assert blas_in(lambda: distance(home, home, 1.0)) == {"distance: norm", "angle_between: @"}
 
 

@@ -1,7 +1,10 @@
 """What all public names have in common: results that cannot be changed, and the same defaults of the same options."""
 
 import dataclasses
+import importlib
 import inspect
+import pkgutil
+import re
 
 import pytest
 
@@ -19,6 +22,37 @@ DEFAULTS |= {"certify": [False], "contact": [False], "winches": [False], "robust
 
 ON_ALL_PROCESSORS = {"check", "settle_many", "settle_path", "find_layout", "find_front"}
 """Simulations and searches; statics run on one, since a pose takes microseconds there."""
+
+
+def functions() -> dict[str, tuple]:
+    """Functions and methods of the package, by module and name; and which are public ones or constructors."""
+    found = {}
+    for module in pkgutil.walk_packages(cdpr.__path__, "cdpr_sim."):
+        if module.name in ("cdpr_sim.__main__", "cdpr_sim.jax"):  # JAX is an extra that tests do not have everywhere
+            continue
+        for one in vars(importlib.import_module(module.name)).values():
+            if getattr(one, "__module__", None) == module.name:
+                for inner in (one, *(vars(one).values() if inspect.isclass(one) else ())):
+                    plain = inspect.unwrap(getattr(inner, "__func__", inner))
+                    if inspect.isfunction(plain) and plain.__module__ == module.name:
+                        constructor = isinstance(inner, classmethod) and PUBLIC.get(one.__name__) is one
+                        public = constructor or PUBLIC.get(plain.__name__) is inner
+                        found[f"{module.name}.{plain.__qualname__}"] = plain, public and plain.__name__[0] != "_"
+    return found
+
+
+def test_docstrings_describe_all_parameters_or_none():
+    """All, of public functions and constructors; elsewhere none if the first sentence says it; never another one's."""
+    wrong = {}
+    for name, (function, public) in functions().items():
+        parameters = set(inspect.signature(function).parameters) - {"self", "cls"}
+        before, _, described = (inspect.getdoc(function) or "").partition("\nArgs:\n")
+        described = re.split(r"\n(?=\S)", described)[0]
+        named = set(re.findall(r"^    \*{0,2}(\w+):", described, re.MULTILINE))
+        astray = set(re.findall(r"^ +(\w+):", before, re.MULTILINE)) & parameters
+        if astray or (named != parameters and (named or public)):
+            wrong[name] = astray | (named ^ parameters)
+    assert not wrong
 
 
 @pytest.mark.parametrize("name", sorted(DATA.keys() - WITH_STATE))

@@ -264,6 +264,11 @@ def test_another_material_changes_the_mass_of_cables_that_had_the_last_ones(tmp_
         single, mine = cdpr.sweep(one, (2, 2, 2)), both.sel(material=material)
         for name in ("position", "tensions", "feasible", "linear_density"):
             np.testing.assert_array_equal(mine[name], single[name], err_msg=name)
+    np.testing.assert_array_equal(
+        cdpr.sweep(crane, (2, 1, 1), ["dyneema-4mm"])["linear_density"].squeeze(), rope.linear_density
+    )
+    mapped = run("map", "crane.toml", "--points", "5", "--material", "steel-rope-4mm", "--material", "dyneema-4mm")
+    assert mapped.stdout.count("with rigid cables: static feasible workspace") == 2
     compared = cdpr.check(crane, (2, 1, 1), ["dyneema-4mm"]).dataset
     np.testing.assert_array_equal(
         compared["position_error"].squeeze(), cdpr.check(rope, (2, 1, 1)).dataset["position_error"].squeeze()

@@ -523,7 +523,7 @@ def identification(robot: cdpr.Robot | None = None) -> Identification:
         predictions={("axial_stiffness", "mass"): 3.4567, ("mass",): np.inf, ("axial_stiffness",): 1.2345},
         degrees_of_freedom=1, deviance=10.0, outliers=(Outlier(1, "tension 1", -4.56),),
         kinds=np.array([0, 0, 0, 1, 1, 1, 2]),
-        given=robot, requested=("axial_stiffness", "mass"),
+        given=robot, requested=("axial_stiffness", "mass"), repeats=np.zeros(1, dtype=bool),
     )  # fmt: skip
 
 

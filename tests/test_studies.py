@@ -102,7 +102,7 @@ def test_lines_are_checked_by_the_other_method():
 
 def test_a_row_without_rest_is_no_rest():
     """Where a solver finds nothing, nothing is drawn: the study says so."""
-    with pytest.raises(cdpr.NotConverged, match=r"parallel.*nan"):
+    with pytest.raises(cdpr.NotConverged, match=r"parallel.*not finite"):
         studies.all_solved(solve_many(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]]))
 
 

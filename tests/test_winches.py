@@ -314,5 +314,9 @@ def test_the_guide_beside_the_model_runs(tmp_path, monkeypatch, capsys):
     names: dict = {}
     exec(block, names)
     assert names["data"].sensor("cdpr/tension_1").data[0] > 0
+    (reset,) = re.findall(r"Reset: `(cdpr\.reset\(.*?\))`", Path("README.md").read_text(encoding="utf-8"))
+    home = cdpr.load_robot("cogiro").home
+    eval(reset, names | {"cdpr": cdpr, "pose": home})
+    np.testing.assert_allclose(names["data"].sensor("cdpr/position").data, home, rtol=0, atol=1e-12)
     assert not names["data"].warning.number.any()
     assert "[" in capsys.readouterr().out

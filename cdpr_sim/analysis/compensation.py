@@ -5,6 +5,7 @@ rest length that its tension stretches to its length there,
 
     l0 = l EA / (EA + tau)          from  tau = EA (l − l0)/l0  (paper Eq. 10).
 
+No winch can have a cable of any length: l0 has a least value c, which bounds the tension by tau <= EA (l − c)/c.
 The commanded pose is then an equilibrium; it is stable if its stiffness matrix is positive definite. Where no tensions
 within limits do this, the nearest pose where some do is found instead: the least sqrt(|translation|² + (arm·angle)²),
 with the robot's characteristic length as arm by default.
@@ -59,6 +60,14 @@ HELD = 1e-3
 """Least stiffness that counts as stable, in loads per characteristic length: with less, a thousandth of the load moves
 the platform by a characteristic length. A choice: of 30,000 poses each, the softest equilibrium of ``cogiro`` has 0.1,
 and of the stable ones of ``parallel``, three have less (``scripts/measure_constants.py``)."""
+
+LEAST_LENGTH = 0.01
+"""Default least rest length, in characteristic lengths: 0.5 mm of DemoBot's platform, 1 cm of a platform of 1 m. A
+choice: with less, the end of the rope is in its exit. Without a bound, poses with an anchor almost at an exit are
+"nearest" ones, on cables of a micrometre."""
+
+SHORTENED = 1e-6
+"""Tolerance of the least rest length, as a fraction: SLSQP satisfies its constraints up to rounding."""
 
 LEAST_ARM = 1e-3
 """Weight of the rotation, in characteristic lengths, if only the position counts: this small weight still chooses the
@@ -173,6 +182,7 @@ def compensate(
     tension_limits: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     prefer: Prefer = "smallest",
     arm: float | None = None,
+    least_length: float | None = None,
 ) -> Compensation:
     """Rest lengths with which the platform with elastic cables is in equilibrium at ``pose``.
 
@@ -189,6 +199,8 @@ def compensate(
         arm: weight of rotation where only a nearby pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] minimises the distance of the position, with a small rotation; default: the robot's characteristic
             length.
+        least_length: least rest length of a cable that a winch can have [m], from exit to anchor; default: 1 % of the
+            characteristic length.
 
     Returns:
         The lengths, their equilibrium, and whether that is the commanded pose; if not, the reasons.
@@ -203,7 +215,8 @@ def compensate(
         robot = without_pretension(robot)  # the tensions are chosen here
     given_problem = Problem.of(robot, pose, external_wrench=external_wrench)
     given_problem.robot.cabling.refuse_memory()
-    robot, commanded = without_pretension(given_problem.robot), given_problem.pose
+    machine: Robot = without_pretension(given_problem.robot)
+    robot, commanded = machine, given_problem.pose
     rigid = Problem.of(
         robot, commanded, external_wrench=given_problem.external_wrench
     )  # refuses a pose above all exits
@@ -222,21 +235,35 @@ def compensate(
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
         raise InvalidInput(f"arm: found {arm:g} m, expected 0 or more")
-    demand = demand_at(rigid, commanded, lower, upper)
+    least = LEAST_LENGTH * robot.characteristic_length
+    least = least if least_length is None else float(checked_array("least_length", least_length, ()))
+    if least < 0:
+        raise InvalidInput(f"least_length: found {least:g} m, expected 0 or more")
+    any_length = demand_at(rigid, commanded, lower, upper)
+    longest = _tensions_at(rigid, commanded, least)
+    demand = replace(any_length, upper=np.minimum(upper, longest))
     floor = HELD * rigid.force_scale / robot.characteristic_length
+    possible = bool((lower <= demand.upper).all())
+    if prefer == "stiffest" and np.isinf(upper).any():
+        stiffest(
+            any_length, floor
+        )  # refuses limits within which tensions can grow until cables are as short as allowed
     idle = len(robot.free) - demand.held.shape[1]
-    chosen, missed = (smallest if prefer == "smallest" else stiffest)(demand, floor), 0
-    for _ in range(1 if robot.cabling.massless else MASS_STEPS):
+    chosen, missed = (smallest if prefer == "smallest" else stiffest)(demand, floor) if possible else None, 0
+    for _ in range(0 if not possible else 1 if robot.cabling.massless else MASS_STEPS):
         if chosen is None:
             missed += 1
             if missed > MISSES or robot.cabling.massless:
                 break
             chosen = nearest(demand)  # with their directions, tensions within limits may balance the load
-        rest = _cut_lengths(robot, commanded.translation, commanded.rotation.as_matrix(), chosen)
+        try:
+            rest, _ = cut(robot, commanded.translation, commanded.rotation.as_matrix(), chosen)
+        except InvalidInput:  # a cable has no rest length with which it has this tension there
+            break
         shortened = Problem(robot, commanded, frozen(rest), rigid.external_wrench)
         found = forces.equilibrium_at(shortened, commanded, iterations=0, source="compensation")
         if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
-            if not _holds(found, idle):
+            if not _holds(found, idle) or (rest < (1 - SHORTENED) * least).any():
                 break
             return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
         # The directions in which cables with mass pull depend on their tensions.
@@ -244,8 +271,16 @@ def compensate(
         demand = replace(demand, wrench_matrix=(state.wrench_matrix / robot.units[:, None])[robot.free])
         # The stiffest are only brought to the balance again: a choice of its own each time would not settle.
         chosen = smallest(demand, floor) if prefer == "smallest" else on_the_balance(demand, chosen)
-    reasons = _reasons(demand, rigid)
-    found = _nearest(rigid, limits, floor, idle, arm)
+    if balances(any_length) and not (possible and balances(demand)):
+        cable = int(np.argmin(longest - lower))
+        reasons = (
+            f"tensions within limits balance the load there only on a cable shorter than the least length of "
+            f"{1e3 * least:.3g} mm: cable {cable + 1}, {1e3 * rigid.rest_lengths[cable]:.3g} mm from exit to anchor",
+        )
+    else:
+        reasons = _reasons(any_length, rigid)
+    held = any_length.held if idle else np.eye(len(robot.free))
+    found = _nearest(rigid, limits, floor, held, arm, least)
     try:
         reached = newton.solve(Problem.of(robot, commanded, found.rest_lengths, rigid.external_wrench))
     except NotConverged:
@@ -283,12 +318,14 @@ def demand_at(
     free, units = robot.free, robot.units
 
     # The stiffness matrix is affine in the tensions, all taut: one more values than cables determine it.
-    some = np.full(robot.cables, problem.load or 1.0)
+    # With twice as much, half of the shorter cables would be in front of their exits.
+    most = _tensions_at(problem, pose, 0.5 * forces.geometry(robot, position, rotation).lengths)
+    some = np.minimum(problem.load or 1.0, 0.5 * most)
     tensions = np.vstack([some, some + np.diag(some)])
     positions, rotations = np.array([position] * len(tensions)), np.array([rotation] * len(tensions))
     state = _with_lengths(problem, _cut_lengths(robot, positions, rotations, tensions), positions, rotations)
     base, *others = (state.stiffness_matrix / np.outer(units, units))[:, free][:, :, free]
-    stiffening = (np.array(others) - base) / some[0]
+    stiffening = (np.array(others) - base) / some[:, None, None]
     return Demand(
         wrench_matrix=(forces.geometry(robot, position, rotation).wrench_matrix / units[:, None])[free],
         load=(forces.load_wrench(problem, rotation) / units)[free],
@@ -296,6 +333,19 @@ def demand_at(
         upper=upper,
         stiffness=base - np.einsum("c,cij->ij", some, stiffening),
         stiffening=stiffening,
+    )
+
+
+def _tensions_at(
+    problem: Problem, pose: RigidTransform, least: float | Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, " cables"]:
+    """Tensions with which the cables' rest lengths at ``pose`` are the least one, (cables,) [N]; inf without one."""
+    if not np.all(np.asarray(least) > 0):
+        return np.full(problem.robot.cables, np.inf)
+    lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
+    stretching = least + problem.robot.cabling.behind
+    return np.where(
+        lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, *problem.robot.cabling.law)
     )
 
 
@@ -352,26 +402,34 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
 
 
 def _nearest(
-    problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, idle: int, arm: float
+    problem: Problem,
+    limits: Float[np.ndarray, "2 cables"],
+    floor: float,
+    directions: Float[np.ndarray, "free held"],
+    arm: float,
+    least: float,
 ) -> Equilibrium:
     """The stable equilibrium nearest to the problem's pose among those with tensions within limits.
 
     SLSQP over (step, tensions) with exact gradients, from the commanded pose and from the equilibria of uncompensated
     cables of several stiffnesses; then, repeatedly, from poses nearer than the nearest found at which tensions within
     limits balance most of the load. Where the result of SLSQP is not stable, the smallest eigenvalue becomes a
-    constraint, differentiated by differences.
+    constraint, differentiated by differences; where a cable is shorter than ``least`` [m], so do the rest lengths.
+    The balance is that along ``directions`` (``Demand.held``): along others it is always zero, and SLSQP would fail.
     """
     best: Equilibrium | None = None
-    away = np.inf
+    away, idle = np.inf, len(directions) - directions.shape[1]
 
-    def nearer(start: _Start, least: float | None, enough: float) -> float:
+    def nearer(start: _Start, stiffness: float | None, enough: float) -> float:
         """The distance of the pose that the descent finds; its equilibrium becomes the best if it is nearer, and held.
 
         Infinite in the latter case.
         """
         nonlocal best, away
-        reached = _descend(problem, start, limits, least, idle, arm)
-        if reached is None:
+        reached = _descend(problem, start, limits, stiffness, directions, arm)
+        if reached is not None and _shortest(problem, *reached) < (1 - SHORTENED) * least:
+            reached = _descend(problem, start, limits, stiffness, directions, arm, least)
+        if reached is None or _shortest(problem, *reached) < (1 - SHORTENED) * least:
             return np.finfo(float).max  # tried again only if nothing else is found
         step, tensions = reached
         far = float(np.hypot(np.linalg.norm(step[:3]), arm * Rotation.from_rotvec(step[3:]).magnitude()))
@@ -383,8 +441,8 @@ def _nearest(
         return far
 
     def search(starts: list[_Start]) -> None:
-        for start, least in [(start, nearer(start, None, 0.5 * floor)) for start in starts]:
-            if least < away:  # else a constraint of stability would only increase the distance
+        for start, far in [(start, nearer(start, None, 0.5 * floor)) for start in starts]:
+            if far < away:  # else a constraint of stability would only increase the distance
                 nearer(start, floor, 0.0)
 
     search(_starts(problem, limits))
@@ -451,10 +509,14 @@ def _descend(
     start: _Start,
     limits: Float[np.ndarray, "2 cables"],
     floor: float | None,
-    idle: int,
+    directions: Float[np.ndarray, "free held"],
     arm: float,
+    least: float = 0.0,
 ) -> _Start | None:
     """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load.
+
+    With ``least`` [m], the rest lengths are bounded by it: l >= c + eps (c + g), where eps is the strain of the tension
+    and g the length behind the exit. A cable with mass counts as massless there.
 
     Returns:
         The step and the tensions that it finds.
@@ -463,6 +525,7 @@ def _descend(
     free, units = robot.free, robot.units
     scale, reach = problem.load or 1.0, robot.characteristic_length
     count, grid, per_load = len(free), np.ix_(free, free), 1 / (units * scale)
+    idle = count - directions.shape[1]
     origin, level = problem.at.position, problem.at.rotation_matrix
 
     def decoded(
@@ -488,16 +551,16 @@ def _descend(
         state = forces.at(Problem(robot, problem.at, rest, problem.external_wrench), position, rotation)
         return state, W, jacobian
 
-    def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
+    def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " held"]:
         state, W, _ = pulling(unknowns.tobytes())
-        return ((W @ unknowns[count:] * scale + state.load_wrench) * per_load)[free]
+        return directions.T @ ((W @ unknowns[count:] * scale + state.load_wrench) * per_load)[free]
 
-    def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
+    def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "held unknowns"]:
         state, _, jacobian = pulling(unknowns.tobytes())
         geometric, by_tension = derivatives.wrench_under_tensions(state)
         geometric[:, 3:] = geometric[:, 3:] @ jacobian
         by_step = (geometric * (reach / units * per_load[:, None]))[grid]
-        return np.concatenate([by_step, (by_tension / units[:, None])[free]], axis=1)
+        return directions.T @ np.concatenate([by_step, (by_tension / units[:, None])[free]], axis=1)
 
     def held(unknowns: Float[np.ndarray, "*rows unknowns"]) -> Float[np.ndarray, "*rows"]:
         """The least eigenvalue that tensions can change, minus ``floor``."""
@@ -510,7 +573,24 @@ def _descend(
         points = held(np.vstack([unknowns, unknowns + DIFFERENCE * np.eye(len(unknowns))]))
         return (points[1:] - points[0]) / DIFFERENCE
 
+    def spare(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " cables"]:
+        """By how much each cable's length exceeds that of the least rest length."""
+        state, _, _ = pulling(unknowns.tobytes())
+        strains = _strains(robot, unknowns[count:] * scale)
+        return (state.lengths - least - strains * (least + robot.cabling.behind)) / reach
+
+    def spare_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "cables unknowns"]:
+        state, _, jacobian = pulling(unknowns.tobytes())
+        by_step = -(state.geometry.wrench_matrix / robot.reeving).T
+        by_step[:, 3:] = by_step[:, 3:] @ jacobian
+        EA, a2, a3 = robot.cabling.law
+        softness = 1 / (EA * cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, 1.0, a2, a3)[0])
+        by_tension = np.diag(-(least + robot.cabling.behind) * softness * scale / reach)
+        return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
+
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
+    if least > 0:
+        constraints.append({"type": "ineq", "fun": spare, "jac": spare_slope})
     if floor is not None:
         constraints.append({"type": "ineq", "fun": lambda unknowns: float(held(unknowns)), "jac": held_slope})
     weights = np.zeros(count + robot.cables)
@@ -536,6 +616,20 @@ def _descend(
         return decoded(found.x)
     except (NotConverged, InvalidInput):  # a cable of zero length, or one too heavy for its tension
         return None
+
+
+def _strains(robot: Robot, tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+    """The strain of each massless rope under these tensions."""
+    return 1 / cable_law.rest_length_for(1.0, np.maximum(tensions, 0.0), *robot.cabling.law) - 1
+
+
+def _shortest(problem: Problem, step: Float[np.ndarray, "6"], tensions: Float[np.ndarray, " cables"]) -> float:
+    """The least rest length with these tensions after the step [m]; 0 where there is none."""
+    pose = moved(problem.pose, step)
+    try:
+        return float(cut(problem.robot, pose.translation, pose.rotation.as_matrix(), tensions)[0].min())
+    except InvalidInput:
+        return 0.0
 
 
 def _settled(

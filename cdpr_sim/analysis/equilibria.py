@@ -77,6 +77,7 @@ class Equilibria(HtmlRepr):
         energies: energy of each [J]: that of gravity, zero at z = 0, and that of the cables, zero where slack.
         starts: number of starts.
         saddles: whether unstable ones were searched for.
+        beyond_law: whether there are roots beyond the range of a cable's nonlinear law, which are no equilibria.
     """
 
     problem: Problem
@@ -84,6 +85,7 @@ class Equilibria(HtmlRepr):
     energies: Float[np.ndarray, " equilibria"]
     starts: int
     saddles: bool
+    beyond_law: bool = False
 
     def __len__(self) -> int:
         return len(self.found)
@@ -108,9 +110,10 @@ class Equilibria(HtmlRepr):
     def imbalance(self) -> int | None:
         """Equilibria with an even minus those with an odd number of unstable directions: 0 if none is missing.
 
-        None if undefined: saddles were not searched for, or some equilibrium is neutral.
+        None if undefined: saddles were not searched for, some equilibrium is neutral, or the search met roots beyond
+        the range of a law.
         """
-        if not self.saddles:
+        if not self.saddles or self.beyond_law:
             return None
         return _imbalance(self.found)
 
@@ -205,7 +208,7 @@ def find_equilibria(
     whole("seed", seed, 0)
     random = np.random.default_rng(seed)
     found: list[Equilibrium] = []
-    made = 0
+    made, beyond_law = 0, False
     for _ in range(MOST_SEARCHES if saddles else 1):
         positions, rotations = _around(problem, found, starts, random) if made else _starts(problem, starts, random)
         found += _stable_equilibria(problem, positions, rotations, found)
@@ -215,12 +218,14 @@ def find_equilibria(
             rotations = np.concatenate([rotations, between.rotation.as_matrix()])
             roots = _stiffened_roots(problem, positions, rotations)
             found += _distinct(problem, *roots, polish=False, known=found)
+            lengths = forces.geometry(problem.robot, *roots).lengths
+            beyond_law |= bool(problem.robot.cabling.beyond_law(lengths, problem.rest_lengths).any())
         made += len(positions)
         if not _imbalance(found):
             break
     energies = np.array([_energy(one) for one in found], dtype=float)
     order = np.argsort(energies, kind="stable")
-    return Equilibria(problem, tuple(found[i] for i in order), energies[order], made, saddles)
+    return Equilibria(problem, tuple(found[i] for i in order), energies[order], made, saddles, beyond_law)
 
 
 def follow_load(

@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.stats import chi2, norm, t
 
 from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
@@ -89,25 +89,29 @@ class Identification(HtmlRepr):
         names: names of the unknowns, one by one: "axial_stiffness", "mass", "rest_length_offset 3".
         units: unit of each.
         values: value of each.
-        standard_errors: standard error of each; ``inf`` where the data do not determine it.
+        standard_errors: standard error of each; ``inf`` where the data do not determine it, nan where nothing says how
+            large the errors of measurement are.
         correlations: between them, (unknowns, unknowns); nan where undetermined.
         residuals: computed minus measured numbers, at the corrected rest lengths if these have errors, (rows, numbers)
             as ``Measurements.values`` [m, rad, N, rad, Hz]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
             construction where errors were estimated.
         scatters: standard error of each kind of measurement, as stated (root mean square) or estimated:
-            "position" [m], "rotation" [rad], "tension" [N], "swivel" [rad], "frequency" [Hz].
+            "position" [m], "rotation" [rad], "tension" [N], "swivel" [rad], "frequency" [Hz]; nan where unknown.
         estimated: which of them were estimated from the residuals.
         predictions: root mean square error of predictions of each row by fits to all other rows, over ``scatters``, by
-            the names of the unknowns: first all that were requested, then fewer; nan with a single row, inf where
-            one row alone determines an unknown.
+            the names of the unknowns: first all that were requested, then fewer; nan with a single row or unknown
+            errors, inf where one row alone determines an unknown. Rows with the same inputs count as one row there.
         reasons: what the data do not determine, and whether the model explains them, a sentence each.
         degrees_of_freedom: the count of measured numbers minus that of the unknowns which they determine.
-        deviance: −2 log of the likelihood of normally distributed errors, estimated ones included.
+        deviance: −2 log of the likelihood of normally distributed errors, estimated ones included; nan where they are
+            unknown.
         outliers: numbers that the others do not explain, the worst first.
         kinds: index into ``KINDS`` of each column of ``residuals``.
         given: the robot as it was given.
         requested: the unknowns that were requested.
+        repeats: which rows repeat an earlier one to the last digit, inputs and measured numbers, without a stated
+            error, (rows,): they add nothing, and are not counted.
     """
 
     robot: Robot
@@ -128,6 +132,7 @@ class Identification(HtmlRepr):
     kinds: Int[np.ndarray, " numbers"]
     given: Robot
     requested: tuple[str, ...]
+    repeats: Bool[np.ndarray, " rows"]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         """(value, standard error) of the unknown called ``name``.
@@ -149,7 +154,8 @@ class Identification(HtmlRepr):
             coverage: the probability, between 0 and 1.
 
         Returns:
-            (unknowns, 2) lower and upper ends; −inf or 0 and inf where the data do not determine an unknown.
+            (unknowns, 2) lower and upper ends; −inf or 0 and inf where the data do not determine an unknown; nan where
+            its standard error is.
 
         Raises:
             InvalidInput: not a probability.
@@ -185,7 +191,7 @@ class Identification(HtmlRepr):
     @property
     def _counts(self) -> tuple[int, int]:
         """Measured numbers, and parameters with the estimated scatters."""
-        count = int((~np.isnan(self.residuals)).sum())
+        count = int((~np.isnan(self.residuals[~self.repeats])).sum())
         return count, count - self.degrees_of_freedom + len(self.estimated)
 
     def predict(self, measurements: Measurements) -> Float[np.ndarray, "rows numbers"]:
@@ -212,7 +218,7 @@ class Identification(HtmlRepr):
 
     def __repr__(self) -> str:
         described = [
-            f"{name} = {value:.6g} ± {error:.2g} {unit}"
+            f"{name} = {value:.6g} ± {'unknown' if np.isnan(error) else f'{error:.2g}'} {unit}"
             for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
         ]
         more = f"; and {len(described) - SAID} more" if len(described) > SAID else ""
@@ -241,7 +247,9 @@ def identify(
     """Fit ``unknowns`` to what was measured in equilibrium.
 
     The error arguments apply where the measurements state no errors. If a kind of measurement has no error at all, its
-    error is estimated from the residuals.
+    error is estimated from the residuals. Where the residuals say nothing of it, because there are as many unknowns as
+    numbers or the fit is exact, standard errors are unknown: nan, and a sentence. Rows that are identical to the last
+    digit count once, unless their errors are stated.
 
     Args:
         robot: the known values, and the start of the fit.
@@ -281,14 +289,17 @@ def identify(
     measurements = measurements.with_errors(
         {kind: error for kind, error in stated.items() if kind in measured | {"rest_length"}}
     )
+    asked, kept, of = measurements, *_distinct_rows(measurements)
+    measurements = asked.rows(kept)
     known = measurements.known
     unstated = np.isnan(measurements.errors) & known
     estimated = [i for i in range(len(KINDS)) if (unstated & (measurements.kinds == i)).any()]
-    count, needed = int(known.sum()), len(wanted) + bool(estimated)
-    if count < needed:
+    count = int(known.sum())
+    if count < len(wanted):
+        once = ", identical rows counted once" if len(kept) < len(of) else ""
         raise InvalidInput(
-            f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
-            "unknowns" + (" and their scatter" if estimated else "")
+            f"{measurements.source}: found {count} measured numbers{once}, expected {len(wanted)} or more for "
+            f"{len(wanted)} unknowns"
         )
     scales, floors = _scales(robot)
     scatters = _start_scatters(measurements, estimated, scales)
@@ -315,13 +326,22 @@ def identify(
     model.whiten(x)
     x = _nearest_to_known(model.fitted_from(x), model)
     left, slope = model.weighted(x), model.weighted_slopes(x)
-    errors, correlations, reasons = certainty(slope, [one.name for one in wanted], [one.size for one in wanted])
+    why = _why_unknown(scatters, estimated, model, x, unstated[known], floors, robust)
+    sizes = [(np.inf, "") if why else one.size for one in wanted]
+    errors, correlations, reasons = certainty(slope, [one.name for one in wanted], sizes)
     if robust:  # the weights count fewer numbers, Huber's efficiency says how much less certain the fit is
         model.weights = np.ones(count)
         plain = model.weighted_slopes(x)
-        errors = certainty(plain, [one.name for one in wanted], [one.size for one in wanted])[0] / np.sqrt(EFFICIENCY)
-    predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
-    reasons += too_many(predictions)
+        errors = certainty(plain, [one.name for one in wanted], sizes)[0] / np.sqrt(EFFICIENCY)
+    predictions = {names: np.nan} if why else {names: model.prediction(x)} | _predictions_of_fewer(model, names)
+    if why:
+        if np.isfinite(errors).any():
+            stating = " and ".join(f"{KINDS[kind]}_error" for kind in estimated)
+            reasons.append(f"the standard errors are unknown: {why}; state {stating}")
+        errors, scatters = np.where(np.isfinite(errors), np.nan, errors), scatters.copy()
+        scatters[estimated] = np.nan
+    else:
+        reasons += too_many(predictions)
     stated_errors = ~np.isin(model.kinds, estimated)  # which the model must explain
     size, freedom = float(np.sum(left[stated_errors] ** 2)), float((1 - leverages(slope))[stated_errors].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
@@ -345,21 +365,24 @@ def identify(
         values=values,
         standard_errors=errors * factors,
         correlations=correlations,
-        residuals=np.where(known, model.residuals(x), np.nan),
+        residuals=np.where(known, model.residuals(x), np.nan)[of],
         spread=float(spread),
         scatters={
-            KINDS[kind]: float(np.sqrt(np.mean(model.errors[known & (measurements.kinds == kind)] ** 2)))
+            KINDS[kind]: float(
+                np.sqrt(np.mean(_errors(measurements, scatters)[known & (measurements.kinds == kind)] ** 2))
+            )
             for kind in np.unique(model.kinds)
         },
         estimated=tuple(KINDS[kind] for kind in estimated),
         predictions=predictions,
         reasons=tuple(reasons),
         degrees_of_freedom=count - determined,
-        deviance=float((whole**2).sum()) + model.log_determinant() + count * float(np.log(2 * np.pi)),
-        outliers=_outliers(measurements, whole, leverages(model.weighted_slopes(x))),
+        deviance=np.nan if why else float((whole**2).sum()) + model.log_determinant() + count * np.log(2 * np.pi),
+        outliers=() if why else _outliers(measurements, whole, leverages(model.weighted_slopes(x)), kept),
         kinds=measurements.kinds,
         given=robot,
         requested=names,
+        repeats=np.not_equal(kept[of], np.arange(len(asked))),
     )
 
 
@@ -370,6 +393,22 @@ def _scales(robot: Robot) -> tuple[Float[np.ndarray, " kinds"], Float[np.ndarray
     pendulum = float(np.sqrt(max(robot.gravity, 1.0) / arm)) / (2 * np.pi)
     alike = np.array([1.0, 1 / arm, weight / arm, 1 / arm, pendulum / arm])
     return alike, EXACT * np.array([1.0, 1.0, stiffness, 1.0, pendulum / arm])
+
+
+def _distinct_rows(measurements: Measurements) -> tuple[Int[np.ndarray, " kept"], Int[np.ndarray, " rows"]]:
+    """Rows without those that repeat an earlier one and have a number without a stated error; and where each row is."""
+    parts = [part for part in (*measurements.inputs, measurements.values, measurements.errors) if part is not None]
+    table = np.concatenate([part.reshape(len(measurements), -1) for part in parts], axis=1) + 0.0
+    unstated = np.asarray((measurements.known & np.isnan(measurements.errors)).any(1))
+    seen: dict[bytes, int] = {}
+    kept, of = [], []
+    for row, numbers in enumerate(table):
+        key = numbers.tobytes() if unstated[row] else bytes(str(row), "ascii")
+        if key not in seen:
+            seen[key] = len(kept)
+            kept.append(row)
+        of.append(seen[key])
+    return np.array(kept), np.array(of)
 
 
 def _start_scatters(
@@ -410,29 +449,70 @@ def _scatters(
     """
     if not estimated:
         return scatters
-    squares, leverage = model.weighted(x) ** 2, leverages(model.weighted_slopes(x))
-    if robust:
-        squares = squares / _WEIGHTED_SQUARES
-    free = max(float((1 - leverage[unstated]).sum()), 0.0)
-    pooled = np.sqrt(float(squares[unstated].sum()) / free) if free > LEAST_FREEDOM else 1.0
-    found = scatters.copy()
-    for kind in estimated:
-        rows = (model.kinds == kind) & unstated
-        free = float((1 - leverage[rows]).sum())
-        own = np.sqrt(float(squares[rows].sum()) / free) if free > LEAST_FREEDOM else pooled
-        found[kind] = max(found[kind] * own, floors[kind])
+    found, _ = _estimates(scatters, estimated, model, x, unstated, robust)
+    found = np.where(np.isin(np.arange(len(KINDS)), estimated), np.maximum(found, floors), found)
     least = 1e-3 * (found / scales)[np.unique(model.kinds)].max() * scales
     return np.where(np.isin(np.arange(len(KINDS)), estimated), np.maximum(found, least), scatters)
 
 
+def _estimates(
+    scatters: Float[np.ndarray, " kinds"],
+    estimated: list[int],
+    model: IdentificationModel,
+    x: Float[np.ndarray, " unknowns"],
+    unstated: np.ndarray,
+    robust: bool,
+) -> tuple[Float[np.ndarray, " kinds"], float]:
+    """The same without bounds; and the degrees of freedom of all kinds that are estimated."""
+    squares, leverage = model.weighted(x) ** 2, leverages(model.weighted_slopes(x))
+    if robust:
+        squares = squares / _WEIGHTED_SQUARES
+    freedom = max(float((1 - leverage[unstated]).sum()), 0.0)
+    pooled = np.sqrt(float(squares[unstated].sum()) / freedom) if freedom > LEAST_FREEDOM else 1.0
+    found = scatters.copy()
+    for kind in estimated:
+        rows = (model.kinds == kind) & unstated
+        free = float((1 - leverage[rows]).sum())
+        found[kind] *= np.sqrt(float(squares[rows].sum()) / free) if free > LEAST_FREEDOM else pooled
+    return found, freedom
+
+
+def _why_unknown(
+    scatters: Float[np.ndarray, " kinds"],
+    estimated: list[int],
+    model: IdentificationModel,
+    x: Float[np.ndarray, " unknowns"],
+    unstated: np.ndarray,
+    floors: Float[np.ndarray, " kinds"],
+    robust: bool,
+) -> str:
+    """Why the residuals say nothing of the errors of measurement; "" if they do, or if all errors are stated."""
+    if not estimated:
+        return ""
+    found, freedom = _estimates(scatters, estimated, model, x, unstated, robust)
+    if not freedom > LEAST_FREEDOM:
+        return (
+            "the unknowns fit all numbers without a stated error exactly, and no residual is left to estimate it from"
+        )
+    if not (found[estimated] > floors[estimated]).any():
+        return "the residuals are rounding, and no error can be estimated from them"
+    return ""
+
+
 def _outliers(
-    measurements: Measurements, white: Float[np.ndarray, " numbers"], leverage: Float[np.ndarray, " numbers"]
+    measurements: Measurements,
+    white: Float[np.ndarray, " numbers"],
+    leverage: Float[np.ndarray, " numbers"],
+    kept: Int[np.ndarray, " rows"],
 ) -> tuple[Outlier, ...]:
-    """Numbers whose studentised residuals are as large once in a thousand fits to normally distributed data."""
+    """Numbers whose studentised residuals are as large once in a thousand fits to normally distributed data.
+
+    ``kept`` are the indices of the rows in the given measurements.
+    """
     sizes = white / np.sqrt(np.maximum(1 - leverage, INVISIBLE))
     rows, columns = np.nonzero(measurements.known)
     found = [
-        Outlier(int(rows[i]) + 1, measurements.names[columns[i]], float(sizes[i]))
+        Outlier(int(kept[rows[i]]) + 1, measurements.names[columns[i]], float(sizes[i]))
         for i in np.flatnonzero(np.abs(sizes) > norm.isf(SURPRISING / 2 / len(sizes)))
     ]
     return tuple(sorted(found, key=lambda one: -abs(one.size)))

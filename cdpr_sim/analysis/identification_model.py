@@ -167,7 +167,9 @@ class IdentificationModel:
         known = measurements.known
         self.errors = np.ones(known.shape) if errors is None else errors
         self.weights = np.ones(int(known.sum()))
-        self.rows: Int[np.ndarray, " measured"] = np.nonzero(known)[0]
+        parts = [part.reshape(len(known), -1) for part in measurements.inputs if part is not None]
+        same = np.unique(np.nan_to_num(np.concatenate(parts, axis=1)), axis=0, return_inverse=True)[1].ravel()
+        self.places: Int[np.ndarray, " measured"] = same[np.nonzero(known)[0]]
         self.kinds: Int[np.ndarray, " measured"] = np.broadcast_to(measurements.kinds, known.shape)[known]
         wrenches = measurements.wrenches
         self.wrenches = np.zeros((len(known), 6)) if wrenches is None else wrenches
@@ -254,8 +256,11 @@ class IdentificationModel:
         ).x
 
     def prediction(self, x: Float[np.ndarray, " unknowns"]) -> float:
-        """Root mean square error of rows that are left out, over their standard errors; see ``prediction_error``."""
-        return prediction_error(self.weighted_slopes(x), self.weighted(x), self.rows)
+        """Root mean square error of rows that are left out, over their standard errors; see ``prediction_error``.
+
+        All rows with the same inputs at once: another reading at the same place would predict one that is left out.
+        """
+        return prediction_error(self.weighted_slopes(x), self.weighted(x), self.places)
 
     # Equilibria
 

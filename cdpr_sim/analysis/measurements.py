@@ -262,6 +262,11 @@ class Measurements:
         return self.tensions, self.swivels, self.frequencies
 
     @property
+    def inputs(self) -> tuple[np.ndarray | None, ...]:
+        """What determines the equilibrium of each row: its command, rest lengths and their errors, mass and wrench."""
+        return self.commanded, self.rest_lengths, self.rest_length_errors, self.masses, self.wrenches
+
+    @property
     def errors(self) -> Float[np.ndarray, "rows numbers"]:
         """Standard errors of ``values``, nan where not stated."""
         return np.full(self.values.shape, np.nan) if self.stated_errors is None else self.stated_errors

@@ -102,6 +102,9 @@ def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6
 
     Without gravity and pretension that is every direction; for a mass whose cables meet in one point, its rotations.
 
+    Args:
+        equilibrium: by either method.
+
     Returns:
         As many (translation of the origin [m], left-applied rotation vector [rad]) as there are neutral directions,
         along single axes where possible; ``core.describe.describe_twist`` describes them.

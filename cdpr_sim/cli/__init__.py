@@ -1,5 +1,6 @@
 """The command line: static equilibria by statics and by MuJoCo, and whether the two methods agree."""
 
+import os
 from typing import Annotated
 
 import typer
@@ -77,4 +78,5 @@ def _options(
 def main() -> None:
     """The entry point of ``cdpr-sim``."""
     plain_letters_where_needed()
+    os.environ.pop("MPLBACKEND", None)  # commands write files, in which no backend of windows takes part
     app()

@@ -31,6 +31,13 @@ def compensate(
         float | None,
         typer.Option("--arm", help="[m] Weight of rotation where only a nearby pose can be held; 0: position only."),
     ] = None,
+    least_length: Annotated[
+        float | None,
+        typer.Option(
+            "--least-length",
+            help="[m] Least length of a cable; default: 1 % of the characteristic length.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compute unstretched cable lengths that hold the platform at the commanded pose, and verify them in MuJoCo.
@@ -46,23 +53,37 @@ def compensate(
     machine = without_pretension(robot_of(robot, material))  # its own tensions are computed
     problem = cdpr.Problem.of(machine, pose_of(pose) or tuple(machine.home))
     with busy("Computing tensions"):
-        compensation = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+        compensation = cdpr.compensate(
+            problem,
+            tension_limits=limits,
+            prefer=prefer,  # type: ignore[arg-type]
+            arm=arm,
+            least_length=least_length,
+        )
         verification = cdpr.verify_compensation(compensation)
-        methods = cdpr.settle, cdpr.solve
-        before = [method(problem) for method in methods]
-        # Start at the uncompensated equilibrium, so that the platform has to reach the commanded pose by itself.
-        starts = zip(methods, before, strict=True)
-        after = [method(problem.robot, start.pose, compensation.rest_lengths) for method, start in starts]
+        before, after, missing = [], [], []
+        for method in (cdpr.settle, cdpr.solve):
+            # Start at the uncompensated equilibrium, so that the platform has to reach the commanded pose by itself.
+            start, lengths = problem.pose, compensation.rest_lengths
+            try:
+                before.append(method(problem))
+                start = before[-1].pose
+            except (cdpr.NotConverged, cdpr.NotSettled) as error:
+                missing.append(f"before: {error}")
+            try:
+                after.append(method(problem.robot, start, lengths, external_wrench=problem.external_wrench))
+            except (cdpr.NotConverged, cdpr.NotSettled) as error:
+                missing.append(f"after, from there: {error}")
     if as_json:
-        print_json(json_of.compensation(problem, compensation, verification, before, after))
+        print_json(json_of.compensation(problem, compensation, verification, before, after) | {"missing": missing})
     else:
         verdict, *reasons = report.compensation_verdict(compensation, verification).split("\n")
         print_parts(
-            lead(verdict, problem.pose, before[0], after[0]),
+            lead(verdict, problem.pose, *before[:1], *after[:1]) if before or after else verdict,
             *reasons,
             report.compensation_lengths(compensation),
-            "",
-            report.compensation_table(compensation, before, after),
+            *([report.missing_results(missing)] if missing else []),
+            *(["", report.compensation_table(compensation, before, after)] if before or after else []),
         )
     raise typer.Exit(0 if compensation.exact and verification.held else DISAGREE)
 
@@ -169,7 +190,7 @@ def identify(
 ) -> None:
     """Fit stiffness, lengths, mass, geometry or gains and zeros of sensors to measurements in equilibrium.
 
-    Exit status 1 if the measurements do not determine all unknowns.
+    Exit status 1 if the measurements do not determine all unknowns and their standard errors.
 
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
     so on; tension_1 [N], swivel_1 [deg], frequency_1 [Hz], ...; rest_length_1 [mm], ...; mass [kg], force_z [N], ...;

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -22,8 +23,17 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+LEAST_WIDTH, USUAL_WIDTH = 20, 80
+"""[characters] Smallest width in which records can be read; the one used instead of a smaller one."""
+
+
 class Output(Console):
     """Standard output; a closed pipe raises an error, which ``outside_world`` turns into an exit status."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        if self.width < LEAST_WIDTH:  # as by COLUMNS=0, with which rich would print nothing
+            self.width = USUAL_WIDTH
 
     def on_broken_pipe(self) -> None:
         """Re-raise the error being handled; rich would exit with 1, which means that the methods disagree."""
@@ -63,6 +73,16 @@ def errors_as_sentences() -> Iterator[None]:
             raise _ended(str(error), MISTAKE) from None
         except MemoryError:
             raise _ended("out of memory; expected a smaller request, or a store on disk", OUTSIDE) from None
+        except Exception as error:  # of the import of MuJoCo
+            found = os.environ.get("MUJOCO_GL")
+            if found is None or not any(
+                "gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)
+            ):
+                raise
+            sentence = (
+                f"MUJOCO_GL: found {found!r}, which MuJoCo cannot use here, expected egl, glfw, disable, or no value"
+            )
+            raise _ended(sentence, MISTAKE) from None
 
 
 @contextmanager

@@ -44,8 +44,9 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     ``across``, the cable turns about the axis e, and its direction changes by ``bend`` [1/m] less: sin(theta)/rho −
     1/s.
 
-    Inside the wheel all results are nan. Below the wheel (rho < r) a cable leaves its wheel and has no path: the
-    formula is continued there, so that a search for an equilibrium can pass, and ``clear`` = rho − r is negative.
+    Inside the wheel and on its rim, where no free segment has a direction, all results are nan. Below the wheel
+    (rho < r) a cable leaves its wheel and has no path: the formula is continued there, so that a search for an
+    equilibrium can pass, and ``clear`` = rho − r is negative.
     """
     h = -(x * ex + y * ey + z * ez)
     nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
@@ -54,6 +55,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     clear = rho - radius
     square = clear * clear + h * h
     s = np.sqrt(square - radius * radius)
+    s = s * (s / s)  # nan on the rim
     sine, cosine = (clear * s + h * radius) / square, (h * s - clear * radius) / square
     theta = wrap_angle(sine, cosine, h)
     along = (-(sine * nx + cosine * ex), -(sine * ny + cosine * ey), -(sine * nz + cosine * ez))
@@ -152,10 +154,13 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
     if not lost.any():
         return ""
     cable = int(np.argmax(lost))
-    distance = np.linalg.norm(np.cross(cabling.pulley_axis[cable], chords[cable]))
+    axis, radius = cabling.pulley_axis[cable], cabling.pulley_radius[cable]
+    distance, where, centre = float(np.linalg.norm(np.cross(axis, chords[cable]))), "inside or below", "pulley's axis"
+    if distance >= radius:
+        distance, where, centre = float(np.hypot(distance - radius, axis @ chords[cable])), "inside", "wheel's centre"
     return (
-        f"the anchor of cable {cable + 1} inside or below its pulley's wheel, {distance:.3g} m from the pulley's axis, "
-        f"expected a larger distance than the radius, {cabling.pulley_radius[cable]:g} m"
+        f"the anchor of cable {cable + 1} {where} its pulley's wheel, {distance:.3g} m from the {centre}, "
+        f"expected a larger distance than the radius, {radius:g} m"
     )
 
 

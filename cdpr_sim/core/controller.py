@@ -117,6 +117,10 @@ class Command:
     def of(cls, answer: Command | ArrayLike, cables: int) -> Command:
         """Check the return value of a controller; plain numbers are lengths.
 
+        Args:
+            answer: what the controller returned: a command, or rest lengths (cables,) [m].
+            cables: number of cables.
+
         Returns:
             The command, with one entry for each of the ``cables``.
 
@@ -151,6 +155,9 @@ class Controller(Protocol):
 
     def start(self, reference: Reference) -> ArrayLike:
         """Begin a new run, without any state of an earlier one.
+
+        Args:
+            reference: the motion to be followed.
 
         Returns:
             The rest lengths (cables,) [m] with which the platform is in equilibrium when the run begins.

@@ -170,7 +170,9 @@ class _NoEquilibrium(CdprError):
         """Exception for a status, with its sentence and the residual of the point."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
         robot, where = point.problem.robot, ""
-        evidence = f"{point.iterations} {counted}, {point.residual:.1e} N still unbalanced"
+        evidence = f"{point.iterations} {counted}"
+        if np.isfinite(point.residual):
+            evidence += f", {point.residual:.1e} N still unbalanced"
         if status is Status.OFF_WHEEL:
             at = point if np.isfinite(point.position).all() else point.problem
             found = cable_path.off_wheel(robot.cabling, at.position, at.rotation_matrix)

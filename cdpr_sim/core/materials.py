@@ -70,7 +70,10 @@ class Rope:
         return "unknown" if self.strength is None else f"{self.strength / 1e6:.0f} MPa"
 
     def of(self, diameter: float) -> Material:
-        """The cable of this diameter [m], named like ``steel-rope-4mm``.
+        """The cable of this diameter, named like ``steel-rope-4mm``.
+
+        Args:
+            diameter: of the rope [m].
 
         Returns:
             Its axial stiffness EA = E fill π d²/4 [N], its mass per length [kg/m] and its breaking load [N].
@@ -239,15 +242,18 @@ def with_numbers(given: Mapping[str, Any], cables: int) -> dict[str, Any]:
             origins[field] = names if isinstance(names, str) else each
     found = dict(given)
     for field in OF_MATERIAL:
-        value, stiff = given[field], origins.get("axial_stiffness")
-        if field == "breaking_load" and value is None:
-            value = ["material" if name else np.inf for name in each_of(stiff, cables)]
-            value = value[0] if len(set(value)) == 1 else value
-        if not is_of_material(value):
+        value: Any = given[field]
+        stiff = origins.get("axial_stiffness")
+        if field == "breaking_load" and value is None and stiff is None:
+            value = np.inf
+        elif field == "breaking_load" and value is None:
+            each = ["material" if name else np.inf for name in each_of(stiff, cables)]
+            value = each[0] if len(set(each)) == 1 else each
+        if value is None or not is_of_material(value):
             found[field] = value
             continue
         if isinstance(value, str):
-            wanted = each_of(stiff, cables) if stiff else (given["material"],) * cables
+            wanted = [name or given["material"] for name in each_of(stiff, cables)]
             numbers = [_number(field, name) for name in dict.fromkeys(wanted)]
             if len(numbers) == 1:
                 found[field], origins[field] = numbers[0], _material_of(field, wanted[0]).name

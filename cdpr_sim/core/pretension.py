@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -194,9 +194,13 @@ def _cut(robot: Robot, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return WithMass.cut(robot, *given, refuse=False)
 
 
-def without_pretension(robot: Robot) -> Robot:
+Machine = TypeVar("Machine")
+
+
+def without_pretension(robot: Machine) -> Machine:
     """The robot whose rest lengths at a pose are those of rigid cables."""
-    return robot if robot.pretension is None else robot.replace(pretension=None)
+    machine: Any = robot
+    return robot if machine.pretension is None else machine.replace(pretension=None)
 
 
 def _refuse_beyond_law(robot: Robot, pulls: Float[np.ndarray, " cables"], field: str) -> None:

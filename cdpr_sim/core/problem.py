@@ -69,6 +69,13 @@ class Problem(Posed, HtmlRepr):
 
         A ``Problem`` is returned unchanged, and no other argument may be given with it.
 
+        Args:
+            robot: the robot; or a ``Problem``.
+            pose: commanded, (x, y, z) [m], a six-vector [m, rad] or a ``RigidTransform``.
+            rest_lengths: (cables,) [m].
+            external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity,
+                (6,); default: none.
+
         Returns:
             The problem, checked and frozen.
 
@@ -111,7 +118,8 @@ class Problem(Posed, HtmlRepr):
         if rest_lengths is None:
             warn_where_outside(robot, at.position)
         made = cls(robot, at, rest, wrench)
-        _refuse_strain(robot, made.load, robot.weight, float((robot.reeving * robot.axial_stiffness).max()))
+        load = made.load if wrench.any() else robot.weight  # without BLAS, as models are written
+        _refuse_strain(robot, load, robot.weight, float((robot.reeving * robot.axial_stiffness).max()))
         return made
 
     @property
@@ -331,6 +339,9 @@ class Problems(Frozen):
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
         """(rows,) problems from single problems of the same robot.
+
+        Args:
+            problems: the problems, at least one.
 
         Returns:
             (rows,) problems.

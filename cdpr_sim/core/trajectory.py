@@ -36,7 +36,14 @@ class Trajectory(EquilibriumBatch):
         lengths: Float[np.ndarray, "steps cables"],
         tensions: Float[np.ndarray, "steps cables"],
     ) -> Trajectory:
-        """A motion from its states: ``problems`` are the commands and the rest lengths that the winches had let out.
+        """A motion from its states.
+
+        Args:
+            problems: (steps,), the commands, and the rest lengths that the winches had let out.
+            times: (steps,) [s].
+            poses: (steps,) of the platform.
+            lengths: (steps, cables) of the cables [m].
+            tensions: (steps, cables) of the ropes [N].
 
         Returns:
             A motion of (steps,) states.
@@ -61,6 +68,10 @@ class Trajectory(EquilibriumBatch):
     @classmethod
     def through(cls, equilibria: EquilibriumBatch, times: Float[np.ndarray, " steps"]) -> Trajectory:
         """A motion so slow that each state, (steps,), is one of ``equilibria``: without ``drive``.
+
+        Args:
+            equilibria: (steps,).
+            times: (steps,) [s].
 
         Returns:
             A motion of (steps,) states, each in equilibrium.

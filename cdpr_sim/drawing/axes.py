@@ -29,6 +29,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.lettering import in_legible_letters
 
 P = ParamSpec("P")
 
@@ -40,6 +41,7 @@ EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4),
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Decorator: draw in the package's style, and leave the caller's matplotlib settings unchanged."""
 
+    @in_legible_letters
     @functools.wraps(draw)
     def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with matplotlib.rc_context():

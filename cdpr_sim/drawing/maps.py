@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cdpr_sim.core.describe import span
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.lettering import in_legible_letters
 from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 
 if TYPE_CHECKING:
@@ -117,6 +119,7 @@ class _Row:
             yield ax, panel[horizontal].values, panel[vertical].values, panel.values
 
 
+@in_legible_letters
 def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> Figure:
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
@@ -131,6 +134,7 @@ def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> 
     return _draw(dataset, names)
 
 
+@in_legible_letters
 def draw_agreement_map(dataset: xr.Dataset) -> Figure:
     """Outcome of the comparison of MuJoCo and statics, and their difference, over a plane of the workspace.
 
@@ -202,9 +206,17 @@ def _draw(dataset: xr.Dataset, rows: Sequence[str]) -> Figure:
         note = "Dashed: border of the static feasible workspace."
         if border == "capacity_margin" and any(_thin(one.data[border]) for one in columns):
             note = "Green: static feasible workspace, which for an under-actuated robot is a line."
+    note = " ".join(filter(None, [note, describe_pretension(dataset)]))
     _say_where(figure, layout, dataset, (normal, horizontal, vertical), note)
     _thin_ticks(figure)
     return figure
+
+
+def describe_pretension(dataset: xr.Dataset) -> str:
+    """The pretension of a sweep's robots as a sentence; "" without any."""
+    found = np.atleast_1d(dataset["pretension"].values) if "pretension" in dataset.coords else np.array([])
+    known = found[np.isfinite(found)]
+    return f"Rest lengths for a pretension of {span(known)} N." if known.size else ""
 
 
 def _panel_size(slope: float) -> tuple[float, float]:
@@ -373,7 +385,8 @@ def _draw_smooth(row: _Row, factor: float, unit: str, cmap: str) -> None:
     from matplotlib.colors import ListedColormap, Normalize
 
     known = [panel.values[np.isfinite(panel.values)] for panel in row.panels]
-    largest = max((factor * float(values.max()) for values in known if values.size), default=0.0) or 1e-12
+    largest = max((factor * float(values.max()) for values in known if values.size), default=0.0)
+    largest = max(largest, LEAST)  # rounding of poses that are held has no scale of its own
     levels = _round_levels(largest)
     image = None
     for ax, x, y, values in row.each():

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
-from cdpr_sim.drawing.maps import ELASTIC, FACTORS, TITLES, variants_of
+from cdpr_sim.drawing.maps import ELASTIC, FACTORS, TITLES, describe_pretension, variants_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +35,7 @@ def draw_path_map(dataset: xr.Dataset, waypoints: Sequence[tuple[float, str]]) -
     caption = "Static equilibria (Newton) at equal distances along straight lines through the waypoints, x, y, z [m]."
     if "feasible" in names:
         caption += " Feasible: rigid cables could hold the platform at the commanded pose."
+    caption = " ".join(filter(None, [caption, describe_pretension(dataset)]))
     figure = canvas(8.5, 1.6 + 1.35 * len(names), f"{robots}: equilibria along a path", caption)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for ax, name in zip(panels, names, strict=True):

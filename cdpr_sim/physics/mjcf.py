@@ -300,14 +300,19 @@ def settling_air(problem: Problem) -> tuple[float, float]:
     return drag, drag / (3 * np.pi * size)
 
 
+def _drawn(size: float) -> float:
+    """A size that is only drawn, without digits that nobody sees [m]; MuJoCo refuses 0, to which tiny ones round."""
+    return round(size, 6) or size
+
+
 def _defaults(robot: Robot) -> ET.Element:
     scale = magnitude(np.ptp(np.vstack([robot.exits, robot.frame]), axis=0)) or 1.0
     defaults = ET.Element("default")
     drawn = ET.SubElement(defaults, "default", {"class": "drawn"})
     add(drawn, "geom", contype=0, conaffinity=0, group=2, mass=0)
     for name, size, color in (("exit", 0.006, EXIT_COLOR), ("anchor", 0.004, ANCHOR_COLOR)):
-        add(add(defaults, "default", {"class": name}), "site", size=round(size * scale, 6), rgba=color, group=2)
-    add(add(defaults, "default", {"class": "cable"}), "tendon", width=round(0.0016 * scale, 6), rgba=CABLE_COLOR)
+        add(add(defaults, "default", {"class": name}), "site", size=_drawn(size * scale), rgba=color, group=2)
+    add(add(defaults, "default", {"class": "cable"}), "tendon", width=_drawn(0.0016 * scale), rgba=CABLE_COLOR)
     if robot.cabling.pulleys.any() or not robot.cabling.massless:
         pulleys.add_defaults(defaults)
     return defaults
@@ -379,7 +384,7 @@ def _nearest_on_frame(point: np.ndarray, lower: np.ndarray, upper: np.ndarray) -
 
 def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, color: Sequence[float]) -> None:
     capsule = {"class": "drawn", "type": "capsule", "fromto": [*start, *end]}
-    add(world, "geom", capsule, size=round(radius, 6), rgba=color)
+    add(world, "geom", capsule, size=_drawn(radius), rgba=color)
 
 
 def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndarray, distance: float) -> None:

@@ -46,13 +46,17 @@ def model_files(
     damping: Damping = "settle",
     contact: bool = False,
 ) -> dict[str, str]:
-    """Name and text of every file in the robot's folder, commanded to ``pose`` (default: the middle of its workspace).
+    """Name and text of every file in the robot's folder, commanded to ``pose``.
 
+    Args:
         robot: the robot; or a ``Problem``, without ``pose``.
-        pose: commanded pose of the models.
+        pose: commanded pose of the models; default: the middle of the workspace.
         winches: add the models that are driven by winches, and their description.
         damping: what damps the platform, as for ``to_mjcf``.
         contact: let the platform collide, in scenes with the floor.
+
+    Returns:
+        Text by the name of its file.
 
     Raises:
         InvalidInput: an invalid pose or damping; winches on cables that have no such model.
@@ -168,7 +172,8 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
 - Limits: a winch pulls with at most {_limits(robot)}; beyond, its cable slips. The rest length follows the
   control at once, however fast. In `winch_speed.xml` the control is a speed [m/s] that MuJoCo integrates into the
   activation w, with l0 = L/(1 + w/L): the rope runs at (l0/L)² of the control, at most {WINCH_SPEED:g} m/s.
-- Reset: `cdpr.reset(model, data, pose)` puts the platform, the winches and the keyframe at any pose.
+- Reset: `cdpr.reset(model, data, pose, prefix="cdpr/")` puts the platform, the winches and the keyframe at any pose;
+  without `prefix` if the robot is not attached to another model.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
 - Attach: any body can be the parent. Damping is on joints and actuators and is kept; integrator, time step and gravity
   are the world's.

@@ -8,8 +8,9 @@ error in shared code.
   height h below the exit along the wheel's axis and at the distance ρ from that axis, l = r θ + s with
   s² = a² + h² − r², a = ρ − r, and θ = atan2(a, h) + atan2(r, s). The cable arrives along n sin θ + e cos θ, with n the
   direction of ρ: the slope of l. Its change is t tᵀ/s, with t = n cos θ − e sin θ, and the swivelling of the wheel.
-- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise; linear beyond ε = 20 %. A rope with
-  n parts of line, and the length g between winch and exit, has ε = n (l − l0)/(n l0 + g) and pulls with n τ.
+- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise. Beyond ε = 20 % the equations are
+  continued linearly, and what they enclose there is no equilibrium (``certificate.beyond_law``). A rope with n parts of
+  line, and the length g between winch and exit, has ε = n (l − l0)/(n l0 + g) and pulls with n τ.
 - A cable with mass adds its tension vector t = (t_h, V) as unknowns: where its weight w per rest length begins, after
   the massless first length c (``Robot.wrapped_lengths``). There it leaves the wheel along u = t/T, at the angle θ =
   atan2(|e × u|, e·u) from the axis e. From there on a rest length L hangs freely (Irvine, Cable Structures, 1981,
@@ -192,10 +193,17 @@ class Cable:
         """w L [N]."""
         return self.weight * (self.rest_length - self.massless)
 
+    def strain(self, stretch: Ball) -> Ball:
+        """ε for this stretch of one part of line, of a cable without mass."""
+        return stretch * self.parts / self._rope()
+
+    def _rope(self) -> Ball:
+        """The rest length from the winch to the rope's end [m]."""
+        return self.rest_length * self.parts + self.behind
+
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
         """τ and its derivative by the length of the rope [N, N/m], for this stretch of one part of line, or none."""
-        rope = self.rest_length * self.parts + self.behind  # from its winch to its end
-        strain, unit = stretch * self.parts / rope, self.axial_stiffness / rope
+        strain, unit = self.strain(stretch), self.axial_stiffness / self._rope()
         if self.linear:
             return self.axial_stiffness * strain, unit
         curved = strain.min(exact(MOST_STRAIN))

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
@@ -82,7 +83,7 @@ class Certificate(HtmlRepr):
     Attributes:
         equilibrium: the given equilibrium, found by any method.
         exists: whether a box around it is proved to hold exactly one equilibrium; if not, all fields below are unknown
-            (nan, inf or None).
+            (nan, inf or None). Beyond a strain of 20 % a nonlinear cable has no law, and there is no equilibrium.
         index: the number of unstable directions, proved; None if not proved.
         slack: for each cable True (proved slack), False (proved taut) or None (neither).
         position: position of the one equilibrium in the box, (2, 3) [m].
@@ -181,6 +182,8 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         balance = Balance(problem, Pose(equilibrium.position, equilibrium.rotation_matrix))
         found, reason = enclose(balance)
         if found is not None:
+            reason = beyond_law(balance, found)[1]
+        if found is not None and not reason:
             return certificate_of(equilibrium, balance, found)
     cables = problem.robot.cables
     return Certificate(
@@ -230,6 +233,30 @@ def enclose(balance: Balance) -> tuple[Enclosure | None, str]:
     if gap < 1e-6 * arm:
         return None, f"cable {nearest + 1} is within {gap:.0e} m of its rest length, a kink that no box proves"
     return None, "no box about the pose that Newton's steps lead to passes the test: no equilibrium may be near"
+
+
+def beyond_law(balance: Balance, found: Enclosure) -> tuple[bool | None, str]:
+    """Whether some cable is strained beyond the range of its nonlinear law, None if undecided; and a sentence.
+
+    The equations continue laws linearly there, so that a box may enclose what is no equilibrium. Of a cable with mass,
+    no strain beyond the range is enclosed (``cables``).
+    """
+    undecided = ""
+    for index, (cable, pull) in enumerate(zip(balance.cables, found.state.pulls, strict=True)):
+        if cable.linear or cable.has_mass:
+            continue
+        strain = cable.strain(pull.stretch)
+        if strain > exact(MOST_STRAIN):
+            return True, (
+                f"cable {index + 1} is strained by {middle(strain):.3%}, beyond the range of its nonlinear law, "
+                f"{MOST_STRAIN:.0%}"
+            )
+        if not strain <= exact(MOST_STRAIN):
+            undecided = (
+                f"cable {index + 1} is strained by {MOST_STRAIN:.0%} within {float(strain.rad()):.0e}, the end of the "
+                "range of its nonlinear law: neither inside nor beyond is proved"
+            )
+    return (None if undecided else False), undecided
 
 
 def _radii(arm: float, gap: float) -> Iterator[float]:

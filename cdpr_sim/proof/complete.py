@@ -71,6 +71,9 @@ FOUND_ROOM, LEFT_ROOM, DEPTH = 500, MOST_LEFT + 1, 4_000
 SAVED = 30.0
 """[s] Time between two writes of the store."""
 
+AT_END = "a cable is strained just by the end of its law's range"
+"""Reason of a region with one root of the equations, at which a nonlinear law may still hold or not."""
+
 FAMILY = 1e3
 """Undecided boxes that form a region of this many times their size are a family of equilibria."""
 
@@ -100,7 +103,7 @@ class CompleteEquilibria(HtmlRepr):
 
     Attributes:
         problem: rest lengths and load; its pose has no effect.
-        certificates: certificates of the equilibria, all different.
+        certificates: certificates of the equilibria, all different. Each is proved to lie within ``range``.
         undecided: where there may be more; empty if the list is proved complete.
         pending: number of boxes that were not examined when the search stopped; 0 if it ended.
         boxes: number of boxes that were examined.
@@ -116,8 +119,13 @@ class CompleteEquilibria(HtmlRepr):
 
     @property
     def complete(self) -> bool:
-        """Whether it is proved that there is no other equilibrium."""
+        """Whether it is proved that there is no other equilibrium within ``range``."""
         return not self.pending and not self.undecided
+
+    @property
+    def range(self) -> str:
+        """Over which poses the list is complete, as text; "" if over all."""
+        return range_of(self.problem.robot)
 
     @property
     def equilibria(self) -> tuple[Equilibrium, ...]:
@@ -166,6 +174,16 @@ class CompleteEquilibria(HtmlRepr):
         )
 
 
+def range_of(robot: Robot) -> str:
+    """The poses at which the cables of a robot have a law and a path, as text; "" if all."""
+    parts = []
+    if not robot.cabling.linear:
+        parts.append(f"nonlinear cables are strained by at most {MOST_STRAIN:.0%}, the range of their law")
+    if robot.cabling.pulleys.any():
+        parts.append("each anchor lies outside its pulley's wheel, further from its axis than the radius")
+    return " and ".join(parts)
+
+
 def quickly_complete(problem: Problem) -> bool:
     """Whether completeness is proved in a fraction of a second: a planar robot with massless cables, and a load."""
     return problem.robot.mobility == "planar" and problem.robot.cabling.massless and _pull(problem) > 0
@@ -183,9 +201,11 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
-    With pulleys these are the equilibria at which each anchor lies further from its pulley's axis than the radius.
-    Planar robots take tens of milliseconds. Spatial ones with four cables take minutes, and with more cables as long as
-    the time limit: boxes not examined by then are counted as pending, and a store continues the search.
+    With pulleys these are the equilibria at which each anchor lies outside its wheel and further from its pulley's axis
+    than the radius; with nonlinear laws, those at which these cables are strained by at most 20 %, where the law ends
+    (``CompleteEquilibria.range``). Planar robots take tens of milliseconds. Spatial ones with four cables take minutes,
+    and with more cables as long as the time limit: boxes not examined by then are counted as pending, and a store
+    continues the search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -520,8 +540,13 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
                     _undecided("one equilibrium, of which no proof in balls is found", [box[:, :2]], chart)
                 )
                 continue
+            beyond = _beyond_law(member)
+            if beyond:  # the box holds no other root of the equations, which are continued there
+                continue
             known = [_same(member, other) for other in members]
-            if None in known:
+            if beyond is None:
+                undecided.append(_undecided(AT_END, [box[:, :2]], chart))
+            elif None in known:
                 undecided.append(_undecided("an equilibrium that may be another's", [box[:, :2]], chart))
             elif True not in known:
                 members.append(member)
@@ -606,7 +631,10 @@ def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Me
     whole_box = np.stack([cluster[:, :, 0].min(0), cluster[:, :, 1].max(0)], 1)
     member = _near(search, chart, whole_box.mean(1), None)
     if member is not None and all(_in_balls(member, chart, box) for box in cluster):
-        if not any(_same(member, other) or _covers(other, member) for other in members):
+        beyond = _beyond_law(member)
+        if beyond is None:
+            return [_undecided(AT_END, list(cluster), chart)]
+        if not beyond and not any(_same(member, other) or _covers(other, member) for other in members):
             members.append(member)
         return []
     setup = search.setups[chart]
@@ -618,6 +646,11 @@ def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Me
     else:
         reason = "a fold: equilibria meet there, or nearly so"
     return [_undecided(reason, list(cluster), chart)]
+
+
+def _beyond_law(member: _Member) -> bool | None:
+    """Whether a cable is strained beyond the range of its law there; None if undecided."""
+    return certificate.beyond_law(member.balance, member.enclosure)[0]
 
 
 def _covers(member: _Member, other: _Member) -> bool:

@@ -20,6 +20,7 @@ from cdpr_sim.proof.geometry_kernel import (
     WHOLE_HIGH,
     WHOLE_LOW,
     WRAP,
+    beyond_law,
     geometry,
     load,
     tension,
@@ -122,11 +123,17 @@ def normalised(y):
 
 @outlined
 def contract(q, T, setup, o, spin):
-    """Contract a box q (6, 2) and tensions T by lengths, balances and virtual works. False: no equilibrium in it."""
+    """Contract a box q (6, 2) and tensions T by lengths, balances and virtual works. False: no equilibrium in it.
+
+    A cable that is strained beyond the range of its law at every pose of the box excludes the box as a whole. The range
+    contracts neither q nor T: so a box with one equilibrium has no other one beyond the range either.
+    """
     m, rows = T.shape[0], setup.rows
     if not geometry(q, setup, o, spin):
         return False
     for i in range(m):
+        if beyond_law(setup.law[i], o[i, LENGTH, 0]):
+            return False
         if not narrowed(T, i, tension(setup.law[i], row(o[i], LENGTH))):
             return False
     g, y, W, n = np.empty((6, 2)), np.zeros(6), np.empty((m, 2)), len(rows)

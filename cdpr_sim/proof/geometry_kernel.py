@@ -335,6 +335,12 @@ def strain(law, length):
 
 
 @outlined
+def beyond_law(law, length):
+    """Whether a cable of this length is strained beyond ``MOST_STRAIN``, and its law is nonlinear, by proof."""
+    return (law[A2] != 0.0 or law[A3] != 0.0) and strain(law, length)[0] > MOST_STRAIN
+
+
+@outlined
 def strains_over(law, lengths):
     """The same over an interval of lengths."""
     return strain(law, lengths[0])[0], strain(law, lengths[1])[1]

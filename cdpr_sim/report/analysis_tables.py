@@ -75,6 +75,11 @@ def compensation_lengths(compensation: Compensation) -> str:
     return escape("Rest lengths reduced by [mm]: ") + ", ".join(f"{value:.3f}" for value in reductions)
 
 
+def missing_results(reasons: Sequence[str]) -> str:
+    """Why a column of ``compensation_table`` is missing, a line each."""
+    return "\n".join(f"  - no result {escape(reason)}" for reason in reasons)
+
+
 def compensation_verdict(compensation: Compensation, verification: CompensationCheck | None = None) -> str:
     """Outcome of the compensation with its reasons, and with what MuJoCo does not confirm; a line each."""
     held = verification is None or verification.held
@@ -201,8 +206,8 @@ def identification_table(result: Identification) -> Table:
     rows = zip(result.names, result.units, result.values, result.standard_errors, result.intervals(0.95), strict=True)
     for name, unit, value, error, (lower, upper) in rows:
         size, symbol = _UNITS.get(unit, (1.0, unit))
-        accuracy = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
-        interval = "" if np.isinf(error) else f"{size * lower:.6g} to {size * upper:.6g}"
+        accuracy = "undetermined" if np.isinf(error) else "unknown" if np.isnan(error) else f"{size * error:.2g}"
+        interval = "" if not np.isfinite(error) else f"{size * lower:.6g} to {size * upper:.6g}"
         table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", accuracy, interval, symbol)
     return table
 
@@ -216,7 +221,11 @@ def identification_note(result: Identification) -> str:
         if some.size and not np.isnan(some).all()
     ]
     head = f"Residuals: {_joined(parts)} (root mean square)."
-    if result.estimated:
+    if result.repeats.any():
+        head += (
+            f" {int(result.repeats.sum())} of {len(result.repeats)} rows repeat another one exactly, and do not count."
+        )
+    if result.estimated and not np.isnan(result.deviance):
         errors = [f"{_SHOWN[kind][0] * result.scatters[kind]:.3g}{_SHOWN[kind][1]}" for kind in result.estimated]
         head += f" Measurement errors estimated from them: {_joined(errors)}."
     error = next(iter(result.predictions.values()))
@@ -226,7 +235,8 @@ def identification_note(result: Identification) -> str:
     elif np.isfinite(error):
         head += f"\nOmitted rows are predicted with an error of {error:.2f} standard errors"
         head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
-    head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
+    if not np.isnan(result.deviance):
+        head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
     outliers = [f"[yellow]-[/] outlier: {escape(str(one))}" for one in result.outliers]
     return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons), *outliers])
 

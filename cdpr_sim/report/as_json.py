@@ -162,7 +162,7 @@ def equilibria(
 
 
 def identification(result: Identification) -> dict[str, Any]:
-    """Value and standard error of each unknown; an undetermined one has the standard error null."""
+    """Value and standard error of each unknown; an undetermined or unknown one has the standard error null."""
     unknowns = zip(
         result.names, result.values.tolist(), _finite(result.standard_errors), result.intervals(0.95), result.units,
         strict=True,
@@ -174,9 +174,10 @@ def identification(result: Identification) -> dict[str, Any]:
             for name, value, error, interval, unit in unknowns
         },
         "spread": result.spread,
-        "measurement_errors": dict(result.scatters),
+        "measurement_errors": dict(zip(result.scatters, _finite([*result.scatters.values()]), strict=True)),
         "aicc": _finite([result.aicc])[0],
-        "bic": result.bic,
+        "bic": _finite([result.bic])[0],
+        "repeated_rows": int(result.repeats.sum()),
         "outliers": [fields(one, "row", "name", "size") for one in result.outliers],
         "predictions": [
             {"unknowns": list(names), "error": _finite([error])[0]} for names, error in result.predictions.items()

@@ -79,7 +79,8 @@ def complete_note(proved: CompleteEquilibria) -> str:
     stable = sum(one.stable for one in proved)
     counts = f"{stable} stable and {len(proved) - stable} unstable equilibria"
     if proved.complete:
-        return f"Proved: these cable lengths have {counts}, and no others."
+        within = f" Of poses at which {proved.range}." if proved.range else ""
+        return f"Proved: these cable lengths have {counts}, and no others.{within}"
     reasons = "; ".join(dict.fromkeys(one.reason for one in proved.undecided)) or f"{proved.pending} boxes are pending"
     return f"Proved: {counts}; whether there are others is undecided: {reasons}."
 

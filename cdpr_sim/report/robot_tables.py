@@ -19,13 +19,14 @@ from cdpr_sim.report.table_style import new_table
 
 def robot_table(robot: Robot) -> Table:
     """Description of a robot."""
-    table = new_table(robot.name, "", "", text_columns=2)
+    table = new_table(robot.name, "", text_columns=1)
+    table.add_column("")  # wraps
     low, high = robot.workspace
     rows = {
         "": robot.description,
         "kind": f"{robot.kind}, {robot.mobility}",
         "cables": f"{robot.cables} {describe_cables(robot)}",
-        "their numbers": describe_origins(robot),
+        "cable data": describe_origins(robot),
         "rest lengths": "of rigid cables"
         if robot.pretension is None
         else f"for a pretension of {robot.pretension:g} N",

@@ -65,15 +65,22 @@ def sweep_table(dataset: xr.Dataset) -> Table:
 
 
 def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
-    """Size of the feasible workspace with rigid cables, by robot, where the sweep has it."""
+    """Size of the feasible workspace with rigid cables, by robot, where the sweep has it; by material if that matters.
+
+    It does where the materials' mass is taken into account.
+    """
     feasible = {name: what for name, what in _FEASIBLE.items() if name in dataset}
     unit = ("", "m", "m²", "m³")[sum(dataset.sizes.get(name, 1) > 1 for name in AXES)]
     if feasible and unit:
         for robot in np.atleast_1d(dataset["robot"].values):
             one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
-            parts = ", ".join(f"{what} {extent_of(one[name]):.4g}" for name, what in feasible.items())
-            whole = extent_of(one[next(iter(feasible))] | True)
-            yield escape(f"{robot} with rigid cables: {parts}, of {whole:.4g} {unit}.")
+            masks = one[[*feasible]]
+            for material in masks["material"].values if "material" in masks.dims else [None]:
+                each = masks if material is None else masks.sel(material=material)
+                parts = ", ".join(f"{what} {extent_of(each[name]):.4g}" for name, what in feasible.items())
+                whole = extent_of(each[next(iter(feasible))] | True)
+                name = robot if material is None else f"{robot}, {material}"
+                yield escape(f"{name} with rigid cables: {parts}, of {whole:.4g} {unit}.")
 
 
 def check_table(dataset: xr.Dataset) -> Table:

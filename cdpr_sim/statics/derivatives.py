@@ -163,6 +163,8 @@ def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 p
     found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation[..., None, :, :]}
     table, rest_lengths = robot.cable_table(state.problem.axial_stiffness), state.problem.rest_lengths
     by = _pull_slopes(table, rest_lengths, state.pulls, state.cable_stiffness)
+    if (robot.cabling.pulleys & (robot.linear_density > 0)).any():
+        by[..., 2] += by[..., 7] * _wrapped_by_radius(robot)[:, None]
     n, idle = robot.reeving[:, None, None], state.tensions == 0
     if idle.any() and not robot.cabling.massless:  # by its weight's last trace
         light = TRACE * table[..., STIFFNESS] / rest_lengths
@@ -173,7 +175,7 @@ def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 p
     return found | {
         "rest_lengths": by[..., :1], "axial_stiffness": n * by[..., 1:2], "pulley_radius": by[..., 2:3],
         "winch_to_exit": by[..., 3:4] / n, "linear_density": n * robot.gravity * by[..., 4:5],
-        "stiffening": by[..., 5:],
+        "stiffening": by[..., 5:7],
     }  # fmt: skip
 
 
@@ -182,12 +184,12 @@ def _pull_slopes(
     rest_lengths: Float[np.ndarray, "*#batch"],
     pulls: Float[np.ndarray, "*batch 3"],
     stiffness: Float[np.ndarray, "*batch 3 3"],
-) -> Float[np.ndarray, "*batch 3 7"]:
+) -> Float[np.ndarray, "*batch 3 8"]:
     """Derivatives of cables' pulls at fixed ends, of all parts of line together; formulas in ``any_cable``.
 
-    By rest length, axial stiffness, wheel radius, length behind the exit, weight per length, a2 and a3. With
-    t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed t.
-    The wrapped length is held fixed.
+    By rest length, axial stiffness, wheel radius, length behind the exit, weight per length, a2, a3 and the length that
+    counts as wrapped, which the others hold fixed. With t_B = t + w L up the tension vector at the anchor, the pull is
+    −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed t.
 
     Args:
         table: rows of ``Robot.cable_table``.
@@ -233,9 +235,28 @@ def _pull_slopes(
     sine = np.linalg.norm(n, axis=-1, keepdims=True)
     radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
     by = [law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, by_weight]
-    turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2]], axis=-1)
+    _, last, strain_there, _ = along(-pulls)
+    wrapped = (1 + strain)[..., None] * u - (1 + strain_there)[..., None] * last  # massless length in place of the last
+    turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2], wrapped], axis=-1)
     turned[..., 2, 3] -= L
+    turned[..., 2, 6] += w
     return np.concatenate([_pulls_by_length(table, pulls, stiffness)[..., None], turned], axis=-1)
+
+
+def _wrapped_by_radius(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """∂(wrapped length)/∂(radius of the wheel) of each cable, at its path in the middle of the workspace.
+
+    With d from the wheel's centre to the anchor, s² = d² − r², and z, rho along and across the axis: the wrapped angle
+    is atan2(z, r − rho) − atan2(s, r).
+    """
+    span, r = robot.home + robot.anchors - robot.exits, robot.pulley_radius
+    z = (span * robot.pulley_axis).sum(-1)
+    rho = np.linalg.norm(span - z[:, None] * robot.pulley_axis, axis=-1)
+    d2 = (rho - r) ** 2 + z**2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        s = np.sqrt(d2 - r**2)
+        by_radius = robot.wrapped_lengths / r + r * (s + r * rho / s - z) / d2
+    return np.where((r > 0) & (robot.wrapped_lengths > 0), by_radius, 0.0)
 
 
 def _pulls_by_length(
@@ -287,6 +308,7 @@ def rest_lengths_under(
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions
     done = np.zeros(rest.shape, bool)
+    idle = (tensions == 0) & (robot.cable_weights == 0)  # its length is its rest length
     for _ in range(LENGTH_STEPS):
         found = any_cables(table, chords, rest)
         by_length = _pulls_by_length(table, found.pull, found.stiffness)
@@ -294,7 +316,7 @@ def rest_lengths_under(
         with np.errstate(all="ignore"):
             slope = (found.pull * by_length).sum(-1) / found.anchor_tension
             step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
-            rest = np.where(slope < 0, rest - step, np.nan)
+            rest = np.where((slope < 0) | idle, rest - step, np.nan)
             done = np.abs(step) <= LENGTH_ROUNDING * rest
         if (done | np.isnan(rest)).all():
             break

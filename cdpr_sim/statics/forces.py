@@ -259,9 +259,14 @@ def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3
 
 
 def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> Float[Array, "*batch free"]:
-    """Ascending eigenvalues of a stiffness matrix on the free directions [N/m]; rotations in characteristic lengths."""
-    matrix = stiffness_matrix / np.outer(robot.units, robot.units)
-    return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+    """Ascending eigenvalues of a stiffness matrix on the free directions [N/m]; rotations in characteristic lengths.
+
+    nan where the matrix is not finite, as where a cable has no path.
+    """
+    matrix = (stiffness_matrix / np.outer(robot.units, robot.units))[..., robot.free, :][..., robot.free]
+    finite = np.isfinite(matrix).all((-2, -1))
+    values = np.linalg.eigvalsh(np.where(finite[..., None, None], matrix, 0.0))
+    return np.where(finite[..., None], values, np.nan)
 
 
 def mass_matrix(problem: Problem | Problems, rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6 6"]:

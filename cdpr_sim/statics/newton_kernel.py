@@ -455,7 +455,7 @@ def fill_slopes(case, at, model):
             if nowhere(e[i] > 0):
                 continue
             force += where(e[i] > 0, k[i] * e[i], 0.0) * J[i, a]
-        residual = max(residual, abs(force))
+        residual = where((abs(force) > residual) | (force != force), abs(force), residual)  # nan is no balance
     return residual
 
 
@@ -656,6 +656,8 @@ def _leave_saddle(case, here, model, V, trial):
     for a in range(6):
         for b in range(a):
             H[b, a] = H[a, b]
+    if not math.isfinite(np.abs(H).sum()):  # nothing is known of the saddle, and NumPy would raise an error
+        return False
     eigenvalues, directions = np.linalg.eigh(H)
     if eigenvalues[0] >= -NEUTRAL * ck.largest(eigenvalues):
         return False

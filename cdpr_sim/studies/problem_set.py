@@ -65,6 +65,8 @@ def read_problems(folder: Path) -> list[SetProblem]:
     for level in LEVELS:
         path = folder / f"{level}.json"
         refuse_irregular(path)
+        if not path.exists():
+            raise InvalidInput(f"{path}: no such file, expected the folder of the set of problems")
         with readable(path):
             text = path.read_text(encoding="utf-8")
         try:

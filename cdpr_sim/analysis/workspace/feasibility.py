@@ -98,11 +98,24 @@ def feasible(
 ) -> Bool[Array, "*batch"]:
     """Whether rigid cables can hold the platform there, within limits of tension, against its weight and ``wrenches``.
 
-    Arguments and errors as in ``shortfall``. Without wrenches this is the static feasible workspace (what ARACHNIS
+    Without wrenches this is the static feasible workspace (what ARACHNIS
     computes); with a set of them, the wrench-feasible workspace of their convex hull.
+
+    Args:
+        robot: the robot.
+        positions: (..., 3) [m].
+        rotations: (..., 3, 3); default: level.
+        tension_limits: smallest and largest tension [N], each one number or one per cable; default: the robot's
+            ``force_min`` and ``force_max``.
+        wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
+            [N, N m]; the worst one counts. Default: none.
+        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor.
 
     Returns:
         (...) True where the unbalanced part is only rounding; False where ``shortfall`` is nan.
+
+    Raises:
+        InvalidInput: as in ``shortfall``.
     """
     conditions = {"tension_limits": tension_limits, "wrenches": wrenches}
     return shortfall(robot, positions, rotations=rotations, threads=threads, **conditions) <= BALANCED
@@ -118,9 +131,18 @@ def closed_form_feasible(
 ) -> Bool[Array, "*batch"]:
     """Whether the tensions nearest to the middle of their limits, tau = mid − W⁺ (W mid + w_e), are within them.
 
-    Arguments as in ``shortfall``; limits must be finite. It is fast and continuous, and so used by controllers (Pott,
+    It is fast and continuous, and so used by controllers (Pott,
     Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009). It
     does not find other tensions within limits that would hold a pose: its workspace is a subset of ``feasible``.
+
+    Args:
+        robot: the robot.
+        positions: (..., 3) [m].
+        rotations: (..., 3, 3); default: level.
+        tension_limits: smallest and largest tension [N], each one number or one per cable, finite; default: the robot's
+            ``force_min`` and ``force_max``.
+        wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
+            [N, N m]; all count. Default: none.
 
     Returns:
         (...) True where these tensions are within their limits under each of the wrenches.

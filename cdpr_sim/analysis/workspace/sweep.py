@@ -101,6 +101,7 @@ ROBOT = {
     "axial_stiffness": ("N", "axial stiffness EA of the cables"),
     "linear_density": ("kg m-1", "mass per length of the cables"),
     "mass": ("kg", "mass of the platform"),
+    "pretension": ("N", "pretension of the rest lengths at commanded poses; nan for rigid lengths"),
     "robot_file": ("", "the robot in full, as the text of its file, on its own cables"),
 }
 """Coordinates that describe the robots: unit and meaning."""
@@ -221,7 +222,8 @@ def sweep(
         stiffness = xr.DataArray(np.array(each if labels else each[0]), dims=(*labels, "cable"), coords=labels)
         # Robots that differ in stiffness alone are computed in one call.
         alike = [(slice(None), robot)]
-        if any((one.linear_density != robot.linear_density).any() for one in variants[robot.name]):
+        weighs = any((one.linear_density != robot.linear_density).any() for one in variants[robot.name])
+        if weighs:
             alike = [(slice(row, row + 1), one) for row, one in enumerate(variants[robot.name])]
         pieces = []
         for rows, one in alike:
@@ -234,11 +236,11 @@ def sweep(
             for name, loads in rigid.items():
                 conditions: dict[str, Any] = dict(rotations=rotation, tension_limits=tension_limits, wrenches=loads)
                 found = _arrays(_of_rigid_cables, {name: RIGID[name]}, one, points, **conditions)
-                piece = piece.merge(found.expand_dims(material=some["material"]) if len(alike) > 1 else found)
+                piece = piece.merge(found.expand_dims(material=some["material"]) if weighs else found)
             pieces.append(piece)
-        part = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")
-        density = [one.linear_density for one in (variants[robot.name] if len(alike) > 1 else [robot])]
-        parts.append(_with_robot(part, robot, stiffness, np.array(density) if len(alike) > 1 else density[0]))
+        part: xr.Dataset = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")  # type: ignore[assignment]
+        density = np.array([one.linear_density for one in variants[robot.name]]) if weighs else robot.linear_density
+        parts.append(_with_robot(part, robot, stiffness, density))
     result = parts[0]
     if many:  # cables and modes that a robot does not have are nan
         per_robot = [*ROBOT, *({"material"} - set(result.dims))]
@@ -467,6 +469,7 @@ def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray, dens
         "axial_stiffness": (stiffness.dims, stiffness.values),
         "linear_density": (stiffness.dims[-density.ndim :], density),
         "mass": ((), robot.mass),
+        "pretension": ((), np.nan if robot.pretension is None else robot.pretension),
         "robot_file": ((), as_toml(robot)),
     }
     coords: dict[str, Any] = {"robot": robot.name, "axis": list(AXES), "cable": np.arange(1, robot.cables + 1)}

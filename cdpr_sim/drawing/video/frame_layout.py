@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.lettering import legible
 from cdpr_sim.drawing.video.scene import tension_colors
 
 KEYS = ("platform", "commanded", "static", "slack", "tension")
@@ -149,8 +150,11 @@ class Page:
     def _draw_heading(self, draw: ImageDraw.ImageDraw, box: Box, robot: Robot, captions: Sequence[str]) -> None:
         """Name and, if it fits, description; below them the first caption that fits."""
         title = self._font(style.TITLE_HEIGHT, bold=True)
-        draw.text((box.left, box.top), robot.name, _rgb(style.PAGE_INK), title)
-        beside = box.left + draw.textlength(robot.name + " ", title)
+        name, other = legible(robot.name)
+        if other is not None:
+            title = _font(self._size(style.TITLE_HEIGHT), True, other.file)
+        draw.text((box.left, box.top), name, _rgb(style.PAGE_INK), title)
+        beside = box.left + draw.textlength(name + " ", title)
         at = beside, box.top + title.getmetrics()[0]
         description = self._first_fitting([robot.description, ""], box.right - beside)
         self._fitted(draw, at, description, box.right - beside, style.TEXT_HEIGHT, style.PAGE_FAINT, anchor="ls")
@@ -299,8 +303,10 @@ class Page:
     def _fitted(self, draw, at, text: str, width: float, size: float, color, anchor: str = "la") -> None:
         """Write ``text`` in a font small enough for ``width``; truncated if the smallest legible font is too wide."""
         sizes = range(self._size(size), style.LEAST_HEIGHT - 1, -1)
-        fonts = (_font(pixels, False) for pixels in sizes)
-        font = next((one for one in fonts if one.getlength(text) <= width), _font(style.LEAST_HEIGHT, False))
+        text, other = legible(text)
+        file = None if other is None else other.file
+        fonts = (_font(pixels, False, file) for pixels in sizes)
+        font = next((one for one in fonts if one.getlength(text) <= width), _font(style.LEAST_HEIGHT, False, file))
         while text and font.getlength(text) > width:
             text = text[:-2].rstrip() + "…" if len(text) > 2 else ""
         draw.text(at, text, _rgb(color), font, anchor=anchor)
@@ -338,10 +344,12 @@ def _rgb(color: Sequence[float]) -> tuple[int, int, int]:
 
 
 @functools.lru_cache(maxsize=64)
-def _font(size: int, bold: bool) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, included in matplotlib and so the same on every machine."""
+def _font(size: int, bold: bool, file: Path | None = None) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, included in matplotlib and so the same on every machine; or the font in ``file``."""
     import matplotlib
 
+    if file is not None:
+        return ImageFont.truetype(str(file), size)
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", name)), size)
 

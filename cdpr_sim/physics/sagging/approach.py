@@ -67,7 +67,8 @@ def approach(
         back = np.vecdot(turning, last[live]) < 0
         turn[live] = np.where(back, turn[live] / 2, turn[live])
         last[live] = turning
-        step /= np.maximum(1.0, np.abs(turning).max(1) / turn[live])[:, None]
+        with np.errstate(over="ignore"):  # a step without bound is shortened to nothing
+            step /= np.maximum(1.0, np.abs(turning).max(1) / turn[live])[:, None]
         reliable, tries, residual[live] = _stepped(simulations, at[live], step, residual[live])
         tried[live] += tries
         vain[live] = np.where(reliable, 0, vain[live] + 1)

@@ -515,15 +515,16 @@ class ChainSimulations:
         def each(array: np.ndarray) -> np.ndarray:
             return array.reshape(-1, *array.shape[2:])
 
-        extents, found = hang(
-            each(weights),
-            each(chains.rest_lengths(self.bands[at])),
-            (each(stiffness), each(further[..., 0]), each(further[..., 1])),
-            np.tile(chains.radii, rows),
-            np.tile(chains.axes, (rows, 1)),
-            each(pulls),
-            each(self.spans(at)),
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that becomes unstable
+            extents, found = hang(
+                each(weights),
+                each(chains.rest_lengths(self.bands[at])),
+                (each(stiffness), each(further[..., 0]), each(further[..., 1])),
+                np.tile(chains.radii, rows),
+                np.tile(chains.axes, (rows, 1)),
+                each(pulls),
+                each(self.spans(at)),
+            )
         found, rotations = found.reshape(rows, len(chains.cables)), self._platforms(self.qpos[at])[1]
         laid = extents.reshape(*found.shape, *extents.shape[1:]) @ rotations[:, None]
         coordinates = at[:, None, None, None], chains.coordinates
