@@ -196,7 +196,7 @@ def identification(robot: cdpr.Robot = PLAIN, **changes) -> Identification:
         values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
         correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan, 3.5]]),
         spread=1.5, scatters={"position": 5e-3, "rotation": math.radians(6), "tension": 3.0},
-        estimated=("position", "rotation"), reasons=("mass is unknown",),
+        repeats=np.zeros(1, dtype=bool), estimated=("position", "rotation"), reasons=("mass is unknown",),
         predictions={("axial_stiffness", "mass"): 3.4567, ("mass",): np.inf, ("axial_stiffness",): 1.2345},
         degrees_of_freedom=1, deviance=10.0, outliers=(Outlier(1, "tension 1", -4.56),),
         kinds=np.array([0, 0, 0, 1, 1, 1, 2]), given=robot, requested=("axial_stiffness", "mass"),
