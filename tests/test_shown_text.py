@@ -83,6 +83,9 @@ OUTPUTS = {
     "robot": lambda: [robot_tables.robot_table(PLAIN), robot_tables.cables_table(PLAIN), as_json.robot(PLAIN)],
     "settle": lambda: [
         crosscheck_tables.lead("so it is", EVERY[0].problem.pose, *EVERY[:2]),
+        *(crosscheck_tables.highest_tension(dataclasses.replace(
+            EVERY[1], problem=cdpr.Problem.of(PLAIN.replace(breaking_load=loads), made_up.POSES[PLAIN]),
+            tensions=np.array([1.0, 0.0, 1.5, 30.0]))) for loads in ([2.0, 2.0, 2.0, 100.0], [2.0, 2.0, 2.0, np.inf])),
         crosscheck_tables.settle_table(EVERY[0].problem, [*EVERY[:4], UNKNOWN, cdpr.NotSettled("sways")]),
         crosscheck_tables.settle_table(EVERY[0].problem, EVERY[:2], details=False),
         *crosscheck_tables.equilibrium_notes(EVERY[1]), *crosscheck_tables.equilibrium_notes(equilibrium(robot=REAL)),
