@@ -2,6 +2,8 @@
 
 import functools
 import importlib.util
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import hypothesis
@@ -125,3 +127,34 @@ def pytest_runtest_setup() -> None:
 def catalogue() -> dict[str, cdpr.Robot]:
     """The robots that come with the package."""
     return {name: cdpr.load_robot(name) for name in cdpr.list_robots()}
+
+
+SNAPSHOTS = Path(__file__).with_name("snapshots")
+"""Texts as a person reads them, reviewed when they are written: one file each."""
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--update-snapshots``: the files are written, to be reviewed by ``git diff``."""
+    parser.addoption("--update-snapshots", action="store_true", help=f"write {SNAPSHOTS.name}/ instead of comparing")
+
+
+@pytest.fixture
+def snapshot(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """``snapshot(name, text, rel=0)``: the text is that of ``tests/snapshots/name``, its numbers within ``rel``."""
+
+    def same(name: str, text: str, rel: float = 0.0) -> None:
+        path, text = SNAPSHOTS / name, "\n".join(line.rstrip() for line in text.strip().splitlines()) + "\n"
+        if request.config.getoption("update_snapshots"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        assert path.exists(), f"no snapshot {name}: review what pytest --update-snapshots writes"
+        expected = path.read_text(encoding="utf-8")
+        if rel:
+            numbers = [[float(number) for number in NUMBER.findall(one)] for one in (text, expected)]
+            assert numbers[0] == pytest.approx(numbers[1], rel=rel, abs=1e-12)
+            text, expected = (NUMBER.sub("#", one) for one in (text, expected))
+        assert text == expected
+
+    return same

@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 
+import made_up
 import numpy as np
 import pytest
 from page_reader import Page
@@ -15,8 +16,6 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.crosscheck import check
-from cdpr_sim.drawing import maps
 from cdpr_sim.report import html_page
 from cdpr_sim.studies import robot_summary
 
@@ -110,21 +109,22 @@ def test_both_methods_numbers_on_the_page_hold_the_platform(robot, read):
         assert np.cross(arms, forces).sum(0) == pytest.approx(np.zeros(3), abs=0.1 * BALANCED)
 
 
-def test_the_same_map_gives_the_same_page():
-    """No random ids in its picture: a report written again differs only where its content does."""
-    dataset = cdpr.sweep("planar-vertical", (4, 1, 3), quantities=maps.QUANTITIES)
-    once, again = (html_page._figure(maps.draw_elastic_map(dataset, names=["tilt"]), "tilt", "") for _ in range(2))
-    assert once == again
+def shown_page(summary) -> str:
+    """The page's text without its style, its script and its maps; the data of its picture, a number a line."""
+    text = html_page.html_page(summary)
+    data = json.loads(re.search(r'<script type="application/json" id="scene">(.*?)</script>', text)[1])  # type: ignore[index]
+    text = re.sub(r"<(style|script)[^>]*>.*?</\1>|Written by cdpr_sim [^<]*", "", text, flags=re.DOTALL)
+    return re.sub(r"(?=<(?:tr|p|h\d|table|section|div|figure|option)\b)", "\n", text) + json.dumps(data, indent=0)
 
 
-def test_columns_are_headed_by_the_source_that_results_carry(found):
-    """Nobody says whose they are: results handed in the other way round change their headings with them."""
-    swapped = dataclasses.replace(
-        found, worst=tuple(dataclasses.replace(view, settled=view.solved, solved=view.settled) for view in found.worst)
-    )
-    for one, order in ((found, ["MuJoCo", "Newton"]), (swapped, ["Newton", "MuJoCo"])):
-        headings = [str(column.header).split("\n") for column in html_page._worst_table(one).columns]
-        assert [heading[-1] for heading in headings if heading[0] in ("deviation", "tilt", "slack")] == 3 * order
+def test_the_page_is_as_reviewed(snapshot):
+    """Made-up results: each method's number in its column, what disagrees or does not rest is said; what is drawn."""
+    snapshot("page/methods-disagree.txt", shown_page(made_up.summary()), rel=1e-6)
+    agree = dataclasses.replace(made_up.checked(), disagreements=())
+    views = made_up.view(1), made_up.view(2)
+    swapped = [dataclasses.replace(one, settled=one.solved, solved=one.settled) for one in views]
+    shown = made_up.summary(check=agree, first=views[0], worst=tuple(swapped), modes=None, missing=())
+    snapshot("page/swapped-and-agreeing.txt", shown_page(shown), rel=1e-6)
 
 
 def test_the_worst_poses_are_the_worst(robot, found, read):
@@ -146,22 +146,6 @@ def test_the_worst_poses_are_the_worst(robot, found, read):
     assert float(mujoco) == pytest.approx(1e3 * np.linalg.norm(again.deviation), abs=1e-2)
     assert float(newton) == pytest.approx(1e3 * np.linalg.norm(cdpr.solve(robot, at).deviation), abs=1e-2)
     assert float(tilt) == pytest.approx(np.degrees(again.tilt), abs=1e-2)
-
-
-def test_every_row_of_the_worst_poses_says_its_own_numbers(found):
-    """Poses and cables counted from 1; MuJoCo's numbers on the left, Newton's on the right, in mm and degrees."""
-    rows = zip(*(list(column.cells) for column in html_page._worst_table(found).columns), strict=True)
-    for number, (row, view) in enumerate(zip(rows, found.worst, strict=True), start=1):
-        both = view.settled, view.solved
-        off = [1000 * (one.position - one.problem.position) for one in both]
-        slack = [[str(cable + 1) for cable in range(8) if one.tensions[cable] == 0] for one in both]
-        assert row[0] == str(number)
-        assert [float(one) for one in row[1].split(", ")] == pytest.approx(1000 * both[0].problem.position, abs=0.06)
-        assert [float(one) for one in row[2:4]] == pytest.approx(np.linalg.norm(off, axis=1), abs=6e-4)
-        assert [float(one) for one in row[4:6]] == pytest.approx([np.degrees(one.tilt) for one in both], abs=6e-4)
-        assert [*row[6:8]] == [", ".join(one) or "none" for one in slack]
-        assert float(row[8]) == pytest.approx(np.linalg.norm(off[0] - off[1]), rel=0.06, abs=1e-12)
-    assert any(view.settled.slack.any() for view in found.worst)
 
 
 def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch, without_pictures):
@@ -203,41 +187,6 @@ def test_cables_are_drawn_from_exit_to_anchor_and_slack_ones_as_long_as_they_are
             else:
                 assert length == pytest.approx(rest.lengths[cable], abs=1e-6)
             assert one["label"] == ("slack" if one["slack"] else f"{float(f'{rest.tensions[cable]:.3g}'):g} N")
-
-
-def test_methods_that_do_not_agree_are_said_first(robot, monkeypatch, without_pictures):
-    """A solver that is wrong by 1 % in every tension is on the page: in the verdict, and above all other poses."""
-
-    def wrong(problems, *rest):
-        right = cdpr.solve_many(problems, *rest)
-        return dataclasses.replace(right, tensions=1.01 * right.tensions)
-
-    monkeypatch.setattr(check, "solve_many", wrong)
-    monkeypatch.setattr(robot_summary, "solve_many", wrong)
-    bad = robot_summary.summarise(robot, POSE, grid=(2, 1, 1), motion=False)
-    assert not bad.check.agrees
-    shown = Page(html_page.html_page(bad))
-    assert any(values.get("class") == "verdict no" for _, values in shown.tags)
-    assert "poses do not agree" in shown.words
-    assert not any(tag == "video" for tag, _ in shown.tags)
-    table = next(table for table in shown.tables if "pose" in table and "1" in table)
-    assert table["1"][-1] != "agree"
-
-
-def test_a_platform_that_does_not_rest_is_said_not_to(found):
-    """Its best point is no answer: nothing is drawn as if it were, and the reason is given."""
-    view = found.first
-    failure = cdpr.NotSettled("it did not come to rest", view.settled)
-    first = dataclasses.replace(view, settled=failure, agreement=None)
-    broken = dataclasses.replace(found, first=first, plane=None, motion=None)
-    text = html_page.html_page(broken)
-    shown = scene(text)["views"][0]
-    assert shown["description"].endswith("does not settle in MuJoCo.")
-    assert shown["platform"] == shown["commanded"]
-    assert not any(cable["slack"] or cable["label"] for cable in shown["cables"])
-    assert "it did not come to rest" in Page(text).words
-    table = next(table for table in Page(text).tables if "equilibrium" in table)
-    assert table["equilibrium"] == ["", "none", "stable"]
 
 
 def test_what_cannot_be_shown_is_said(robot):

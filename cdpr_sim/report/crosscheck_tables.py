@@ -89,7 +89,8 @@ def highest_tension(equilibrium: Equilibrium) -> str:
 
 def _share(equilibrium: Equilibrium, cable: int) -> str:
     load = equilibrium.problem.robot.breaking_load[cable]
-    return f"{100 * equilibrium.tensions[cable] / load:.2g} % of its breaking load of {load:.4g} N"
+    share = float(f"{100 * equilibrium.tensions[cable] / load:.2g}")  # two digits, without an exponent from 100 on
+    return f"{share:g} % of its breaking load of {load:.4g} N"
 
 
 def path_lead(settled: EquilibriumBatch, agree: np.ndarray) -> list[str]:
