@@ -462,11 +462,10 @@ def _patch_interpreted(changed: Changes) -> None:
         return kernel._interpreted(numpy.broadcast_shapes(*loops), *inputs)
 
     numpy = importlib.import_module("numpy")
-    vars_of = {Kernel: {"__call__": interpreted, "compiled_for_all": interpreted}}
-    vars_of[Compiled] = {"compiled": property(lambda one: one if isinstance(one, Kernel) else one._function)}
-    for kind, some in vars_of.items():
-        for name, value in some.items():
-            setattr(kind, name, value)
+    for name in ("__call__", "compiled_for_all"):
+        setattr(Kernel, name, interpreted)
+    name = "compiled"
+    setattr(Compiled, name, property(lambda one: one if isinstance(one, Kernel) else one._function))
     if changed:
         _patch(changed)
 

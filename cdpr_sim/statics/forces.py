@@ -264,7 +264,7 @@ def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> F
     nan where the matrix is not finite, as where a cable has no path.
     """
     matrix = (stiffness_matrix / np.outer(robot.units, robot.units))[..., robot.free, :][..., robot.free]
-    finite = np.isfinite(matrix).all((-2, -1))
+    finite = np.asarray(np.isfinite(matrix).all((-2, -1)))
     values = np.linalg.eigvalsh(np.where(finite[..., None, None], matrix, 0.0))
     return np.where(finite[..., None], values, np.nan)
 
