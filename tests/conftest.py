@@ -54,7 +54,6 @@ FLOOR = {
     "matplotlib, pillow": (
         "test_maps.py",
         "test_figures.py::test_every_picture_has_a_title_labels_with_units_and_a_legend",
-        "test_figures.py::test_slack_cables_are_drawn_as_slack",
     ),
     "xarray, dask, distributed, zarr, h5netcdf, filelock": ("test_store.py", "test_sweep.py"),
     "mediapy, imageio-ffmpeg": (
