@@ -25,6 +25,10 @@ from cdpr_sim.studies import two_cable as two_cable_studies
 from studies.compensated_line import CompensatedLine
 from studies.compensation_figures import draw_compensation
 
+ON_LINE = 1e-7
+"""A point's distance from a line, as a fraction of the line's range: 1.5e-9 measured, since each settled row has a
+static row of the same command; a point of the other material is 4e-2 off, and a marker 1e-2 wide."""
+
 LENGTH = 0.02
 """Of a hanging cable's drawn length, relative: the parabola's length to second order, for slack up to a tenth."""
 
@@ -81,6 +85,20 @@ def drawn(request, results) -> Figure:
     return figure
 
 
+def artist(figure: Figure, gid: str, panel: int = 0):
+    """The artist with that id in the ``panel``-th of the axes that have one."""
+    found = [a for ax in figure.axes for a in ax.get_children() if a.get_gid() == gid]
+    return found[panel]
+
+
+def distance_from_line(points, line) -> float:
+    """Of the farthest point from a line over x, as a fraction of the line's range."""
+    x, y = line.get_data()
+    order = np.argsort(x)
+    apart = points.get_ydata() - np.interp(points.get_xdata(), x[order], y[order])
+    return float(np.abs(apart).max() / np.ptp(y))
+
+
 def test_every_picture_has_a_title_labels_with_units_and_a_legend(drawn):
     """A stranger can read it: what it shows, of what, in which units; and which series is which."""
     assert len(drawn.get_suptitle()) > 20
@@ -126,17 +144,42 @@ def test_a_file_depends_on_the_results_alone(results):
     assert gallery.encoded(figures.planar(others), "svg") != once
 
 
+@pytest.mark.parametrize("name", ["planar-vertical", "planar-horizontal", "cogiro", "parallel"])
+def test_tensions_are_the_results(name, results):
+    """Fig. 7, 8, 10, 11: every cable's line and points, for both materials."""
+    figure = gallery.PICTURES[name].draw(results[name])
+    paper = {"planar-vertical": "Fig. 7", "planar-horizontal": "Fig. 8", "cogiro": "Fig. 10", "parallel": "Fig. 11"}
+    assert gallery.PICTURES[name].paper == paper[name]
+    assert figure.get_supxlabel().replace("\n", " ").endswith(f"(Paper, {paper[name]})")
+    for panel, line in enumerate(results[name].lines):
+        for group in studies.twins(line.static):
+            drawn_line = artist(figure, f"static {group[0]}", panel)
+            assert np.array_equal(drawn_line.get_xdata(), line.static.problems.positions[:, 0])
+            assert np.array_equal(drawn_line.get_ydata(), line.static.tensions[:, group[0]])
+            for cable in group:
+                points = artist(figure, f"mujoco {cable}", panel)
+                assert np.array_equal(points.get_ydata(), line.settled.tensions[:, cable])
+                assert distance_from_line(points, drawn_line) < ON_LINE
+
+
 def test_titles_say_how_far_it_tilts_and_how_many_cables_go_slack(results):
     """In the words of the results, and not of the paper."""
     titles = {
         name: gallery.PICTURES[name].draw(results[name]).get_suptitle() for name in ("planar-horizontal", "cogiro")
     }
-    papers = {"planar-vertical": 7, "planar-horizontal": 8, "cogiro": 10, "parallel": 11, "paper-line": 12}
-    assert {name: gallery.PICTURES[name].paper for name in papers} == {name: f"Fig. {n}" for name, n in papers.items()}
     assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable slack"
     tilt = np.degrees(max(line.static.tilt.max() for line in results["cogiro"].lines))
     poses = np.degrees(results["cogiro"].poses.tilt.max())
     assert f"up to {max(tilt, poses):.2g}° of tilt" in titles["cogiro"]
+
+
+def test_points_of_a_wrong_data_set_are_off_the_line(results):
+    """Negative control: MuJoCo's points of one material do not lie on the other's line."""
+    width = results["planar-vertical"]
+    soft, stiff = width.lines
+    swapped = dataclasses.replace(width, lines=(dataclasses.replace(soft, settled=stiff.settled), stiff))
+    figure = figures.planar(swapped)
+    assert distance_from_line(artist(figure, "mujoco 0"), artist(figure, "static 0")) > 1e5 * ON_LINE
 
 
 @pytest.mark.parametrize("name", ["planar-vertical", "parallel"])
@@ -149,6 +192,18 @@ def test_zones_are_shaded_where_cables_are_slack(name, results):
         found = {(p.get_x(), round(p.get_x() + p.get_width(), 12), p.get_gid()) for p in shaded}
         assert found == {(a, round(b, 12), f"zone-{n}-slack") for a, b, n in studies.zones(line.static) if n}
         assert len({p.get_facecolor() for p in shaded}) == 2
+
+
+def test_slack_cables_are_drawn_as_slack(results):
+    """One dotted, coloured curve for each slack cable of each drawn pose, a plain line for each taut one."""
+    width = results["planar-vertical"]
+    figure = figures.planar(width)
+    lines = [line for ax in figure.axes if ax.get_ylabel() == "z [m]" for line in ax.lines]
+    dotted = [line for line in lines if same_color(line.get_color(), style.SLACK_CABLE)]
+    straight = [line for line in lines if same_color(line.get_color(), style.INK) and line.get_marker() == "None"]
+    assert len(dotted) == width.poses.slack.sum() > 0
+    assert len(straight) == (~width.poses.slack).sum()
+    assert not any(line.get_linestyle() == "-" for line in dotted)
 
 
 def test_a_slack_cable_hangs_as_long_as_it_is():
@@ -216,6 +271,40 @@ def test_a_pose_in_space_is_drawn_where_it_is(monkeypatch):
         np.testing.assert_allclose(curve[[0, -1]], [robot.exits[cable], anchor], atol=1e-12)
         slack = bool(equilibria.slack[row, cable])
         assert (len(curve) > 2, same_color(line.get_color(), style.SLACK_CABLE)) == (slack, slack)
+
+
+def test_the_papers_line_is_drawn_from_both_methods(results):
+    """Fig. 12: eight lines of each quantity, MuJoCo's points on them, and the paper's values where its text says."""
+    lines = results["paper-line"]
+    figure = figures.paper_line(lines)
+    heights = sorted({line.height for line in lines})
+    for line in lines:
+        column, label = heights.index(line.height), f"{line.robot.name}, {line.robot.material}"
+        for row, values in enumerate((1e3 * line.static.deviation[:, 2], np.degrees(line.static.euler[:, 1]))):
+            ax = figure.axes[row * len(heights) + column]
+            drawn_line, points = (
+                next(a for a in ax.lines if a.get_gid() == f"{method} {label}") for method in ("static", "mujoco")
+            )
+            assert np.array_equal(drawn_line.get_xdata(), line.static.positions[:, 0])
+            assert np.array_equal(drawn_line.get_ydata(), values)
+            assert distance_from_line(points, drawn_line) < ON_LINE
+    parallel = [line.static for line in lines if line.robot.name == "parallel"]
+    tilt = np.degrees(max(np.abs(equilibria.euler[:, 1]).max() for equilibria in parallel))
+    sag = 1e3 * max((-equilibria.deviation[:, 2]).max() for equilibria in parallel)
+    assert f"parallel tilts {tilt:.2g}° and deviates {sag:.2g} mm downwards" in figure.get_suptitle()
+    reported = [sorted({float(a.get_ydata()[0]) for a in ax.lines if a.get_gid() == "paper"}) for ax in figure.axes]
+    assert reported[:2] == [[-1e3 * studies.PAPER_DEVIATION]] * 2 == [[-15.0]] * 2
+    assert reported[2:] == [pytest.approx([-20.0, 20.0])] * 2
+
+
+def test_tilt_condition_marks_where_the_forces_meet(results):
+    """Fig. 9: one meeting point per case, at its place, and the moment in words."""
+    cases = results["tilt-condition"]
+    figure = balance.draw_moment_balances(cases)
+    for ax, case in zip(figure.axes, cases, strict=True):
+        point = next(a for a in ax.lines if a.get_gid() == "meeting point")
+        assert point.get_xydata()[0] == pytest.approx(case.intersection[[0, 2]])
+        assert ("no moment" in ax.get_title(loc="left")) == (abs(case.moment) < 1e-6)
 
 
 def test_static_feasible_workspace_is_drawn_where_linear_programming_finds_it(results):
