@@ -1,6 +1,7 @@
 """Pulleys, weight and laws in words, JSON, figures, videos and the study: what is shown is what there is."""
 
 import io
+import json
 from importlib import resources
 
 import matplotlib
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
+from cdpr_sim.core.describe import describe_cables, describe_properties, describe_twist
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve
@@ -48,6 +50,46 @@ def real(catalogue) -> dict[str, cdpr.Robot]:
         "law": robot.replace(stiffening=(20.0, 0.0)),
         "heavy": robot.replace(linear_density=0.0005),
     }
+
+
+def test_words_say_what_the_cables_are(real):
+    """Weight, law and pulleys; of how many, where not of all."""
+    assert describe_properties(real["pulley"]) == ("over pulleys of 20 mm radius",)
+    assert describe_properties(real["law"]) == ("nonlinear with a2 = 20, a3 = 0",)
+    assert describe_cables(real["heavy"], "N") == "vectran-0.7mm cables (EA = 10000 N), 0.5 g/m"
+    mixed = real["heavy"].replace(
+        linear_density=[0.064] + [0.0] * 7, pulley_radius=[0.0] + [0.01] * 6 + [0.02], material=None
+    )
+    assert describe_properties(mixed) == ("64 g/m (1 of 8)", "over pulleys of 10 to 20 mm radius (7 of 8)")
+
+
+def test_a_motion_is_told_in_millimetres_and_degrees(catalogue):
+    """A millimetre, and the angle that is as far at the characteristic length."""
+    robot = catalogue["cogiro"]
+    twist = np.array([robot.characteristic_length, 0, 0, 0, -1.0, 0])
+    angle = np.degrees(1e-3 / robot.characteristic_length)
+    assert describe_twist(twist, robot) == f"+1 mm x, -{angle:.2g}° about y"
+    assert describe_twist(np.eye(6)[4], robot) == "rotation about y"
+
+
+def test_plain_cables_are_described_as_ever(catalogue):
+    """Nothing new is said of them, in words or JSON."""
+    assert describe_cables(catalogue["cogiro"]) == "vectran-0.7mm cables (EA = 10 kN)"
+    assert describe_properties(catalogue["cogiro"]) == ()
+    answer = CliRunner().invoke(app, ["solve", "cogiro", "--json"])
+    assert "cables" not in json.loads(answer.stdout)
+
+
+def test_settle_and_solve_say_it_in_title_and_json(tmp_path):
+    """From a robot file, through both commands."""
+    file = tmp_path / "mine.toml"
+    file.write_text(f"pulley = {{ radius = 0.01, axis = [0, 0, 2] }}\n{text_of('cogiro')}")
+    words = [str(file), "--pose", *map(str, POSE)]
+    shown = CliRunner().invoke(app, ["settle", *words])
+    assert "over pulleys of 10 mm radius" in " ".join(shown.stdout.split())
+    for command in ("settle", "solve"):
+        found = json.loads(CliRunner().invoke(app, [command, *words, "--json"]).stdout)
+        assert found["cables"] == {"pulley_radius": [0.01] * 8, "pulley_axis": [[0, 0, 1]] * 8}
 
 
 def text_of(robot: str) -> str:
