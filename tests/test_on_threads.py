@@ -24,6 +24,11 @@ BATCHES = {
     "shortfall": lambda robot, poses, n: cdpr.shortfall(robot, poses, threads=n),
     "feasible": lambda robot, poses, n: cdpr.feasible(robot, poses, threads=n),
     "capacity_margin": lambda robot, poses, n: capacity_margin(robot, poses, threads=n),
+    "find_layout": lambda robot, poses, n: (
+        cdpr.find_layout(
+            robot, poses[:40], within=0.01, generations=1, population=60, polish=False, threads=n
+        ).robot.exits  # 2,400 problems at once
+    ),
 }
 
 

@@ -20,8 +20,8 @@ DEFAULTS = {"progress": [False], "force": [False], "seed": [0], "threads": [0, 1
 DEFAULTS |= {"certify": [False], "contact": [False], "winches": [False], "robust": [False], "polish": [True]}
 """Nothing is printed, replaced, added to a model or searched unless asked."""
 
-ON_ALL_PROCESSORS = {"check", "settle_many", "settle_path", "find_layout", "find_front"}
-"""Simulations and searches; statics run on one, since a pose takes microseconds there."""
+ON_ONE_PROCESSOR = {"certify_all"}
+"""A planar robot is done before a second thread has started. All other functions use all processors."""
 
 
 def functions() -> dict[str, tuple]:
@@ -75,4 +75,4 @@ def test_options_have_the_same_default_in_all_functions(name):
         if option in DEFAULTS and isinstance(parameter.default, int):
             assert repr(parameter.default) in map(repr, DEFAULTS[option])
         if option == "threads" and isinstance(parameter.default, int):
-            assert parameter.default == (0 if name in ON_ALL_PROCESSORS else 1)
+            assert parameter.default == (1 if name in ON_ONE_PROCESSOR else 0)

@@ -96,7 +96,7 @@ def solve_many(
     rotations: ArrayLike | None = None,
     axial_stiffness: ArrayLike | None = None,
     mass: ArrayLike | None = None,
-    threads: int = 1,
+    threads: int = 0,
 ) -> EquilibriumBatch:
     """Equilibria from many commanded poses in one compiled call; all arguments broadcast.
 
@@ -110,7 +110,7 @@ def solve_many(
         axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
         mass: (...) [kg].
         threads: among which rows along the first axis are divided, for 2,000 problems and more; 0 for one per
-            processor. They do not change the results.
+            processor, 1 for none. They do not change the results.
 
     Returns:
         A row for each pose. The status marks a row that is not finite, or at which the platform would fall.

@@ -55,7 +55,7 @@ def shortfall(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
-    threads: int = 1,
+    threads: int = 0,
 ) -> Float[Array, "*batch"]:
     """Smallest unbalanced part of the load, as a fraction of the load; rounding where feasible.
 
@@ -67,7 +67,8 @@ def shortfall(
             ``force_min`` and ``force_max``.
         wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
             [N, N m]; the worst one counts. Default: none.
-        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor.
+        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor,
+            1 for none. They do not change the results.
 
     Returns:
         The norm of W tau + w_e at the tensions that make it least, torques divided by the characteristic length, over
@@ -94,7 +95,7 @@ def feasible(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
-    threads: int = 1,
+    threads: int = 0,
 ) -> Bool[Array, "*batch"]:
     """Whether rigid cables can hold the platform there, within limits of tension, against its weight and ``wrenches``.
 
@@ -109,7 +110,8 @@ def feasible(
             ``force_min`` and ``force_max``.
         wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
             [N, N m]; the worst one counts. Default: none.
-        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor.
+        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor,
+            1 for none. They do not change the results.
 
     Returns:
         (...) True where the unbalanced part is only rounding; False where ``shortfall`` is nan.
@@ -175,7 +177,7 @@ def capacity_margin(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
-    threads: int = 1,
+    threads: int = 0,
 ) -> Float[Array, "*batch"]:
     """Largest distance of all tensions from their limits at which they still hold the platform [N].
 

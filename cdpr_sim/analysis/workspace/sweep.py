@@ -143,7 +143,7 @@ def sweep(
             on the border of the feasible workspace, between the poses of the grid; or "settled", which settles every
             pose in MuJoCo and compares it with statics as ``check`` does, in the variables of
             ``crosscheck.settled_quantities``. The status is always included.
-        chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, on one core, without Dask.
+        chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
         store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed, and of which all chunks are
             checked and lost or corrupt ones computed again; the result is then read from there, slab by slab as it is
@@ -200,6 +200,7 @@ def sweep(
     chunk = chunk if stack is None else None
     if chunk is not None and settled is not None:
         chunk = min(chunk, settled.ROWS)
+    threads = 0 if chunk is None else 1  # Dask computes chunks side by side
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
     if stack is None:
         points = _coordinates(axes, blocks)
@@ -230,12 +231,12 @@ def sweep(
             some = stiffness.isel(material=rows) if labels else stiffness
             given: dict[str, Any] = dict(rotations=rotation, external_wrench=wrench)
             solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
-            piece = _arrays(_solved, solved, one, points, some, **given)
+            piece = _arrays(_solved, solved, one, points, some, threads=threads, **given)
             if settled is not None:
                 piece = piece.merge(_arrays(settled.compute, settled.QUANTITIES, one, points, some, **given))
             for name, loads in rigid.items():
                 conditions: dict[str, Any] = dict(rotations=rotation, tension_limits=tension_limits, wrenches=loads)
-                found = _arrays(_of_rigid_cables, {name: RIGID[name]}, one, points, **conditions)
+                found = _arrays(_of_rigid_cables, {name: RIGID[name]}, one, points, threads=threads, **conditions)
                 piece = piece.merge(found.expand_dims(material=some["material"]) if weighs else found)
             pieces.append(piece)
         part: xr.Dataset = pieces[0] if len(pieces) == 1 else xr.concat(pieces, "material")  # type: ignore[assignment]
