@@ -230,7 +230,7 @@ REFUSED = [
     ],
     *[
         (problems, dict(robot=of("two-cable"), **given), flat)
-        for tilted in [RigidTransform.from_rotation(Rotation.from_euler("x", [0, 0.1]))]
+        for tilted in [RigidTransform.from_rotation(Rotation.from_euler("x", [[0], [0.1]]))]
         for given in (dict(poses=tilted), dict(poses=(0.4, 0, 0.2), rotations=tilted.rotation.as_matrix()))
     ],
     (cdpr.settle_many, dict(robot=problems(poses=[[POSE]])), r"found problems of shape \(1, 1\), expected rows"),
