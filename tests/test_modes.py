@@ -71,7 +71,7 @@ def test_a_mass_on_one_cable_bounces_and_swings_as_closed_forms_say():
     assert np.abs(modes.frequencies - expected).min() < 1e-9
     assert modes.frequencies[0] == 0
     swept = cdpr.sweep(problem.robot, poses=problem.pose.translation[None], quantities=["frequency"], chunk=None)
-    assert float(swept.frequency) == 0
+    assert swept.frequency.item() == 0
 
 
 def test_a_mass_on_a_stiff_cable_swings_like_a_pendulum():
@@ -85,5 +85,5 @@ def test_a_mass_on_a_stiff_cable_swings_like_a_pendulum():
     expected = np.sqrt(robot.gravity / (length + offset)) / (2 * np.pi)
     swept = cdpr.sweep(robot, poses=pose[None], quantities=["frequency"], chunk=None)
     # Inertia, 1e-7 of m l², and strain, 1e-8, are not quite 0.
-    for frequency in (cdpr.natural_modes(robot, pose).frequencies[0], float(swept.frequency)):
+    for frequency in (cdpr.natural_modes(robot, pose).frequencies[0], swept.frequency.item()):
         assert frequency == pytest.approx(expected, rel=1e-6)
