@@ -16,76 +16,22 @@ def robot(**changes) -> cdpr.Robot:
     return cdpr.Robot(**values)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (dict(exits=[[np.nan, 0, 1]] * 3), "exits: found nan, expected finite"),
-        (dict(anchors=[[0, 0, np.inf]] * 3), "anchors: found inf, expected finite"),
-        (dict(exits=[[0, 0]] * 3), r"exits: found an array of shape \(3, 2\), expected shape \(any, 3\)"),
-        (dict(anchors=ANCHORS[:2]), r"anchors: found an array of shape \(2, 3\), expected shape \(3, 3\)"),
-        (dict(exits=np.empty((0, 3)), anchors=np.empty((0, 3))), "exits: found no cable"),
-        (dict(exits="here"), "exits: found 'here', expected numbers"),
-        (dict(axial_stiffness=[1e3, 0, 1e3]), "axial_stiffness: found 0 N, expected more than 0"),
-        (dict(axial_stiffness=[1e3, 1e3]), "axial_stiffness: .*expected shape"),
-        (dict(mass=0), "mass: found 0 kg, expected more than 0"),
-        (dict(mass=[1, 2]), "mass: .*expected a single number"),
-        (dict(gravity=-9.81), "gravity: found -9.81 m/s², expected 0 or more"),
-        (dict(inertia=[1, 1, 3]), "inertia: found principal moments"),
-        (dict(inertia=[1, 1, -1]), "inertia: found principal moments"),
-        (dict(inertia=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "inertia: found an unsymmetric matrix"),
-        (dict(platform_size=(1, 0, 1)), "platform_size: .*three positive edges"),
-        (dict(mobility="flat"), "unknown mobility 'flat': .*planar, spatial"),
-        (dict(mobility="planar"), r"exits of cable 3: found y = 1 m, expected 0: a planar robot"),
-        (dict(anchors=np.zeros((3, 3))), "platform_size: not given"),
-        (dict(linear_density=-1.0), "linear_density: found -1 kg/m in cable 1"),
-        (dict(pulley_radius=[0, 0, -0.1]), "pulley_radius: found -0.1 m in cable 3"),
-        (dict(pulley_radius=[0, 1e-7, 0]), "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point"),
-        (dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
-        (dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),
-    ],
-)
-def test_bad_robot_is_refused_with_the_field_and_what_is_expected(changes, words):
-    """A robot that cannot be right never exists, and the message says which field is wrong."""
-    with pytest.raises(cdpr.CdprError, match=words):
-        robot(**changes)
-
-
-@pytest.mark.parametrize(
-    ("law", "rises"),
-    [
-        ((0.0, -8.0), True),  # 1 − 24 eps² is 0.04 at a strain of 20 %
-        ((0.0, -9.0), False),
-        ((-3.0, 0.0), False),
-        ((-13.0, 50.0), False),  # by 1 − 26 eps + 150 eps², in between
-        ((-20.0, 135.0), True),  # 1 − 40 eps + 3 a3 eps² has its least, 1 − 400/(3 a3), at 20/(3 a3)
-        ((-20.0, 132.0), False),
-    ],
-)
-def test_a_law_has_to_rise_up_to_a_strain_of_20_percent(law, rises):
-    """Also one that falls in between only."""
-    if rises:
-        assert robot(stiffening=law).stiffening.tolist() == [[*law]] * 3
-        return
-    with pytest.raises(cdpr.InvalidInput, match=r"stiffening: .* tension falls before a strain of 20%"):
-        robot(stiffening=law)
+@pytest.mark.parametrize("law", [(0.0, -8.0), (-20.0, 135.0)])
+def test_a_law_may_fall_beyond_a_strain_of_20_percent(law):
+    """1 + 2 a2 eps + 3 a3 eps² is 0.04 at 20 %, and 1 − 400/(3 a3) at its least; a little more is refused."""
+    assert robot(stiffening=law).stiffening.tolist() == [[*law]] * 3
 
 
 def test_robot_is_frozen_down_to_its_arrays():
-    """A robot that two results share cannot change under them."""
-    made = robot()
-    with pytest.raises(AttributeError):
-        made.mass = 2.0  # type: ignore[misc]
-    with pytest.raises(ValueError, match="read-only"):
-        made.exits[0, 0] = 5
-
-
-def test_robot_keeps_a_copy_of_the_arrays_it_is_given():
-    """Changing an array afterwards does not change the robot."""
+    """A robot that two results share cannot change under them, nor by an array that it was given."""
     exits = np.array(EXITS, dtype=float)
     made = robot(exits=exits)
     exits[0, 0] = 99
-    assert made.exits[0, 0] == -1
-    assert made.replace(mass=2.0).exits[0, 0] == -1
+    assert made.exits[0, 0] == made.replace(mass=2.0).exits[0, 0] == -1
+    with pytest.raises(AttributeError):
+        made.mass = 2.0
+    with pytest.raises(ValueError, match="read-only"):
+        made.exits[0, 0] = 5
 
 
 @pytest.mark.parametrize(
@@ -156,16 +102,10 @@ def test_replace_keeps_what_was_given():
     np.testing.assert_array_equal(changed.replace(gravity=1.0).inertia, np.eye(3))  # twice removed
 
 
-def test_replace_of_a_changed_copy_remembers_both_changes():
-    """Material, then mass: neither undoes the other."""
-    changed = robot().replace(material="fishing-0.4mm").replace(mass=2.0)
-    assert (changed.material, changed.mass) == ("fishing-0.4mm", 2.0)
-    assert (changed.axial_stiffness == cdpr.MATERIALS["fishing-0.4mm"].axial_stiffness).all()
-
-
 def test_replace_material_sets_the_stiffness_and_a_stiffness_forgets_the_material():
-    """The name of a material never stands beside a stiffness that is not its own."""
-    soft = robot().replace(material="fishing-0.4mm")
+    """The name of a material never stands beside a stiffness that is not its own; changes add up."""
+    soft = robot().replace(material="fishing-0.4mm").replace(mass=2.0)
+    assert (soft.material, soft.mass) == ("fishing-0.4mm", 2.0)
     assert (soft.axial_stiffness == cdpr.MATERIALS["fishing-0.4mm"].axial_stiffness).all()
     assert soft.replace(axial_stiffness=5.0).material is None
 
@@ -187,14 +127,6 @@ def test_numbers_of_a_material_follow_it_and_those_given_by_hand_stay():
     assert (measured.linear_density == steel.linear_density).all()
     assert not measured.from_material
     assert pickle.loads(pickle.dumps(kept)).from_material == kept.from_material
-    with pytest.raises(cdpr.InvalidInput, match=r"linear_density: found 'material', .* mass of vectran-0.7mm is not"):
-        rope.replace(material="vectran-0.7mm")
-    with pytest.raises(cdpr.InvalidInput, match="linear_density: found 'material' without a material"):
-        robot(linear_density="material")
-    with pytest.raises(cdpr.InvalidInput, match="diameter: found it in replace, expected material='steel-rope-4mm'"):
-        rope.replace(diameter=0.004)
-    with pytest.raises(cdpr.UnknownName, match=r"'steel-4mm': did you mean steel-rope-4mm\?"):
-        rope.replace(material="steel-4mm")
 
 
 def test_a_breaking_load_belongs_to_the_material():
@@ -205,41 +137,6 @@ def test_a_breaking_load_belongs_to_the_material():
     assert np.isinf(rope.replace(material="fishing-0.4mm").breaking_load).all()
     assert np.isinf(rope.replace(axial_stiffness=5.0).breaking_load).all()
     assert (rope.replace(axial_stiffness=5.0, breaking_load=7.0).breaking_load == 7.0).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (dict(material="nylon"), "unknown material 'nylon'.*vectran-0.7mm"),
-        (dict(materiel="x"), "unknown field of a robot 'materiel': did you mean material"),
-    ],
-)
-def test_replace_names_what_it_does_not_know(changes, words):
-    """A typo gets the nearest valid name."""
-    with pytest.raises(cdpr.UnknownName, match=words):
-        robot().replace(**changes)
-
-
-@pytest.mark.parametrize(
-    ("pose", "words"),
-    [
-        ((0, 0), r"pose: found an array of shape \(2,\)"),
-        ((0, 0, np.nan), "pose: .*finite"),
-        ("up", "pose: found 'up'"),
-        ((-0.9, 0, 1), r"exit of cable 1 lies on its anchor"),
-    ],
-)
-def test_bad_pose_is_refused(pose, words):
-    """A pose is three or six finite numbers, away from the exits."""
-    with pytest.raises(cdpr.InvalidInput, match=words):
-        robot().rest_lengths(pose)
-
-
-@pytest.mark.parametrize("pose", [(0.4, 0.1, 0.2), (0.4, 0, 0.2, 0.1, 0, 0), (0.4, 0, 0.2, 0, 0.1, 0.1)])
-def test_planar_robot_refuses_a_pose_out_of_its_plane(pose):
-    """A planar robot moves along x and z and turns about y."""
-    with pytest.raises(cdpr.InvalidInput, match="planar: expected y = 0 and"):
-        cdpr.load_robot("two-cable").pose(pose)
 
 
 def test_rest_lengths_are_distances_at_the_commanded_pose():
