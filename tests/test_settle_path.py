@@ -87,10 +87,9 @@ def test_both_methods_come_to_the_same_equilibria_there_and_back(name, changes, 
     np.testing.assert_allclose(settled.tensions, solved.tensions, rtol=0, atol=1e-8 * robot.weight)
     np.testing.assert_allclose(settled.eigenvalues, solved.eigenvalues, rtol=1e-5)
     assert settled.slack.any() == slack
-    for part in ("strains", "beyond", "creep"):
+    for part, size in (("strains", 1), ("beyond", 1), ("creep", 1), ("tensions", 10 * robot.weight)):
         remembered = getattr(settled.memory, part), getattr(solved.memory, part)
-        np.testing.assert_allclose(*remembered, rtol=0, atol=AGREE, err_msg=part)
-    np.testing.assert_array_equal(settled.memory.tensions, settled.tensions[-1])
+        np.testing.assert_allclose(*remembered, rtol=0, atol=AGREE * size, err_msg=part)
     loop = np.linalg.norm(settled.positions - settled.positions[::-1], axis=1).max()
     assert loop > 100 * AGREE if "pulley_friction" in changes else loop < AGREE
     assert all(cdpr.compare(*both).agrees for both in zip(solved, settled, strict=True))
@@ -107,9 +106,8 @@ def test_both_methods_come_to_the_same_equilibria_over_a_load_cycle():
     wrench = np.zeros((9, 6))
     wrench[1:-1, :3] = [(1, 0, 0), (0, 0, -2), (-1, 1, 0), (0, 0, 0), (0, -1, 0), (0, 0, 2), (1, 0, 0)]
     asked = robot, np.tile(robot.home, (9, 1))
-    solved, settled = (
-        method(*asked, external_wrench=wrench, steps=3) for method in (cdpr.solve_path, cdpr.settle_path)
-    )
+    options = dict(external_wrench=wrench, steps=3)
+    solved, settled = cdpr.solve_path(*asked, **options), cdpr.settle_path(*asked, **options)
     assert settled.converged.all()
     assert apart(solved, settled) < AGREE
     assert np.linalg.norm(settled.positions[0] - settled.positions[-1]) > SEEN
