@@ -222,6 +222,8 @@ def test_random_actions_leave_it_finite():
         ({"domain": {"mass": 1.5}}, "mass: found 1.5"),
         ({"rewards": {"tilt": 1.0}}, "term of the reward"),
         ({"rate": 0}, "rate: found 0"),
+        ({"damping": -1.0}, "damping: found -1, expected 0 or more"),
+        ({"cable_damping": np.nan}, "cable_damping: found nan"),
         ({"robot": "crane-with-heavy-cables"}, "crane-with-heavy-cables"),
         ({"robot": cdpr.load_robot("cogiro").replace(linear_density=5e-4)}, "found cables of 0.0005 kg/m"),
         (

@@ -243,6 +243,18 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
     return number
 
 
+def from_zero(field: str, value: ArrayLike) -> float:
+    """A single number of 0 or more.
+
+    Raises:
+        InvalidInput: any other value.
+    """
+    number = float(checked_array(field, value, ()))
+    if number < 0:
+        raise InvalidInput(f"{field}: found {number:g}, expected 0 or more")
+    return number
+
+
 def whole(field: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
     """An integer within limits.
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import checked_array, listed, one_of, positive, whole
+from cdpr_sim.core.checks import checked_array, from_zero, listed, one_of, positive, whole
 from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
@@ -131,8 +131,8 @@ class Task:
             robot.pose(robot.home),
             robot.rest_lengths(robot.home),
             winch_speed=positive("winch_speed", winch_speed, "m/s"),
-            damping=damping,
-            cable_damping=cable_damping,
+            damping=from_zero("damping", damping),
+            cable_damping=from_zero("cable_damping", cable_damping),
             winch_force=largest,
         )
         self.simulations = TaskSimulations(

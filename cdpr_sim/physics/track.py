@@ -23,7 +23,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
+from cdpr_sim.core.checks import PROGRESS, from_zero, positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.memory import without_memory
@@ -131,8 +131,8 @@ def track(
             wanted[0],
             lengths,
             winch_speed=speed,
-            damping=_from_zero("damping", damping),
-            cable_damping=_from_zero("cable_damping", cable_damping),
+            damping=from_zero("damping", damping),
+            cable_damping=from_zero("cable_damping", cable_damping),
         )
         seen: list[Seen] = []
         try:
@@ -153,7 +153,7 @@ def _course(
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")
-    pause = _from_zero("pause", pause)
+    pause = from_zero("pause", pause)
     if not seconds + pause <= MOST_SECONDS:
         raise InvalidInput(f"seconds: found {seconds + pause:g} with the pause, expected at most {MOST_SECONDS:g}")
     return Reference(path, seconds, pause)
@@ -169,13 +169,6 @@ def _kind_of_machine(robot: Robot) -> type[Machine]:
         robot.cabling.refuse_memory()
         return _ChainMachine
     return _RopeMachine if robot.cabling.has_memory.any() else Machine
-
-
-def _from_zero(field: str, value: float) -> float:
-    number = float(checked_array(field, value, ()))
-    if number < 0:
-        raise InvalidInput(f"{field}: found {number:g}, expected 0 or more")
-    return number
 
 
 def _check_controller(controller: Controller) -> None:
