@@ -373,6 +373,9 @@ def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
         raise RobotFileError(f"{label}: found an integer of thousands of digits, expected a robot") from None
 
 
+NO_POINTS = {"stiffening", "hysteresis", "creep"}
+"""Keys of lists whose elements are no coordinates."""
+
 OTHER_WORDS = {
     "ea": "axial_stiffness", "stiffness": "axial_stiffness", "es": "axial_stiffness", "k": "axial_stiffness",
     "e": "modulus", "youngs_modulus": "modulus", "elasticity": "modulus", "d": "diameter",
@@ -417,10 +420,11 @@ def _meant(key: str, path: tuple[int | str, ...]) -> str:
 
 
 def _place(path: tuple[int | str, ...]) -> str:
-    """Place in the file: keys, cables counted from 1 as in tables, and coordinates by letter."""
+    """Place in the file: keys, cables and elements of lists counted from 1 as in tables, and coordinates by letter."""
     head = ""
     if path[0] == "cables" and len(path) > 1:
         head, path = f"cable {int(path[1]) + 1}", path[2:]
-    keys = ("xyz"[key] if isinstance(key, int) and key < 3 else str(key) for key in path)
+    points = not NO_POINTS.intersection(path)
+    keys = (("xyz"[key] if points and key < 3 else str(key + 1)) if isinstance(key, int) else key for key in path)
     where = ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)
     return ": ".join(filter(None, [head, where]))
