@@ -8,14 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import Collection, PolyCollection, QuadMesh
-from matplotlib.colors import to_hex
+from matplotlib.collections import Collection, QuadMesh
+from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter
+from matplotlib.text import Annotation, Text
+from matplotlib.ticker import FixedFormatter, FuncFormatter
 from mpl_toolkits.mplot3d.art3d import Line3D, Line3DCollection, Poly3DCollection, Text3D
 
 from cdpr_sim.drawing import style
@@ -26,17 +26,13 @@ NAMES: dict[str, str] = {"#ffffff": "white", "#000000": "black"}
 for _name, _value in vars(style).items():
     if isinstance(_value, str) and _value.startswith("#"):
         NAMES.setdefault(to_hex(_value), _name)
+for _name in ("MAP_SLACK", "MAP_OUTCOMES"):
+    _many = getattr(style, _name)
+    for _key in _many if isinstance(_many, dict) else range(len(_many)):
+        NAMES.setdefault(to_hex(_many[_key]), f"{_name}[{_key}]")
 
 MOST = 40
 """Numbers that are written one by one; of more, their count, ends, extremes and sum."""
-
-
-def looks(artist: Artist) -> tuple:
-    """By which a reader tells one series from another."""
-    if isinstance(artist, Line2D):
-        return to_hex(artist.get_color()), artist.get_linestyle(), str(artist.get_marker())
-    assert isinstance(artist, Patch)
-    return to_hex(artist.get_facecolor(), keep_alpha=True), to_hex(artist.get_edgecolor())
 
 
 def legend(of: Figure | Axes) -> dict[str, Artist]:
@@ -66,7 +62,9 @@ def numbers(values: object) -> str:
     array = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
     flat = array.ravel()
     if flat.size <= MOST:
-        return ", ".join(" ".join(f"{one:.6g}" for one in row) for row in np.atleast_2d(array).reshape(-1, array.shape[-1]))
+        return ", ".join(
+            " ".join(f"{one:.6g}" for one in row) for row in np.atleast_2d(array).reshape(-1, array.shape[-1])
+        )
     known = flat[np.isfinite(flat)]
     shape = " × ".join(map(str, array.shape))
     ends = " ".join(f"{one:.6g}" for one in (flat[0], flat[-1], known.min(), known.max(), known.sum()))
@@ -74,13 +72,19 @@ def numbers(values: object) -> str:
     return f"{shape}, {known.size} known: first, last, least, most, sum {ends}; {weighted:.5g}"
 
 
-def _line(line: Line2D) -> str:
-    data = np.transpose(line.get_data_3d()) if isinstance(line, Line3D) else line.get_xydata()
-    how = [color(line.get_color())]
+def described(line: Line2D) -> str:
+    """By which a reader tells one series from another."""
+    how = []
     if line.get_linestyle() != "None":
-        how.append(str(line._unscaled_dash_pattern[1] or "-"))  # type: ignore[attr-defined]
+        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-")]  # type: ignore[attr-defined]
     if line.get_marker() not in ("None", "", None):
         how.append(f"{line.get_marker()} of {color(line.get_mec())} in {color(line.get_mfc())}")
+    return ", ".join(how)
+
+
+def _line(line: Line2D) -> str:
+    data = np.transpose(line.get_data_3d()) if isinstance(line, Line3D) else line.get_xydata()
+    how = [described(line)] if described(line) else []
     if not str(line.get_label()).startswith("_"):
         how.append(f"“{line.get_label()}”")
     if line.get_drawstyle() != "default":
@@ -94,8 +98,19 @@ def _fill(patch: Patch) -> str:
 
 def _patch(patch: Patch) -> str:
     ends = patch.get_patch_transform().transform_path(patch.get_path()).vertices
-    label = "" if str(patch.get_label()).startswith("_") else f" “{patch.get_label()}”"
-    return f"{type(patch).__name__} {patch.get_gid() or ''}{label}: {_fill(patch)}: {numbers(ends)}"
+    names = [str(one) for one in (patch.get_gid(), patch.get_label()) if one and not str(one).startswith("_")]
+    return f"{' '.join([type(patch).__name__, *names])}: {_fill(patch)}: {numbers(ends)}"
+
+
+def _mesh(mesh: QuadMesh, ax: Axes) -> str:
+    across, up = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
+    words = f"{mesh.get_cmap().name} from {numbers(mesh.get_clim())}"
+    if ax.get_label() in ("bar", "<colorbar>"):
+        return f"colours: {words}"
+    if isinstance(mesh.get_cmap(), ListedColormap) and mesh.get_cmap().N < 10:
+        rows = mesh.to_rgba(np.ma.masked_invalid(mesh.get_array()))
+        words = " / ".join(", ".join(map(color, row)) for row in rows)
+    return f"mesh over {numbers(across)} and {numbers(up)}: {words}: {numbers(mesh.get_array())}"
 
 
 def _collection(one: Collection) -> str:
@@ -103,37 +118,33 @@ def _collection(one: Collection) -> str:
         points = np.concatenate(one._segments3d)  # type: ignore[attr-defined]
     elif isinstance(one, Poly3DCollection):
         points = np.concatenate([*one._faces])  # type: ignore[attr-defined]
-    elif isinstance(one, QuadMesh):
-        points = one.get_coordinates()
     else:
         points = np.concatenate([path.vertices for path in one.get_paths()] or [np.empty((0, 2))])
-    if isinstance(one, QuadMesh):
-        words = f"{one.get_cmap().name} {numbers(one.get_clim())}: {numbers(one.get_array())}"
-    else:
-        both = one.get_facecolor(), one.get_edgecolor()
-        words = " in ".join(" ".join(dict.fromkeys(map(color, colors))) for colors in both)
-    kind = type(one).__name__ if isinstance(one, PolyCollection) else type(one).__name__.lstrip("_")
-    return f"{kind}: {words}: {numbers(points) if len(points) else 'nothing'}"
+    kind, shown = type(one).__name__, []
+    for colors in (one.get_facecolor(), one.get_edgecolor()):
+        names = list(dict.fromkeys(map(color, colors)))
+        shown.append(" ".join(names) if len(names) < 6 else "several")
+    if getattr(one, "labelTexts", ()):  # it is cut where they are written
+        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"  # type: ignore[attr-defined]
+    return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
 
 
 def _text(text: Text, ax: Axes) -> str:
     at = ""
     if isinstance(text, Text3D):
         at = numbers(text.get_position_3d())
-    elif hasattr(text, "xy") and getattr(text, "xycoords", "data") == "data":
-        at = numbers(text.xy)  # type: ignore[attr-defined]
-    elif text.get_transform() == ax.transData and not hasattr(text, "xy") and ax.name != "3d":
+    elif isinstance(text, Annotation):
+        at = numbers(text.xy) if text.xycoords == "data" else ""
+    elif text.get_transform() == ax.transData:
         at = numbers(text.get_position())
     return f"text “{text.get_text()}” {color(text.get_color())} {at}"
 
 
 def _legend(one: Legend) -> Iterator[str]:
     for word, artist in zip(one.get_texts(), one.legend_handles, strict=True):
+        how = _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
         if isinstance(artist, Line2D):
-            how = _line(artist).split(": ")[1]
-            how = how.split(", “")[0]
-        else:
-            how = _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
+            how = described(artist)
         yield f"  “{word.get_text()}”: {how}"
 
 
@@ -141,29 +152,25 @@ def _axis(ax: Axes, name: str) -> str:
     axis = getattr(ax, f"{name}axis")
     low, high = getattr(ax, f"get_{name}lim")()
     words = f"{name}: “{axis.get_label_text()}” {low:.5g} to {high:.5g} {axis.get_scale()}"
-    formatter = axis.get_major_formatter()
-    if isinstance(formatter, FixedFormatter):
-        ticks = zip(axis.get_majorticklocs(), formatter.seq, strict=False)
-        words += "".join(f"; {at:.5g} “{label}”" for at, label in ticks)
+    if isinstance(axis.get_major_formatter(), FixedFormatter | FuncFormatter):
+        ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=False)
+        words += "".join(f"; {at:.5g} “{label.get_text()}”" for at, label in ticks)
     return words
 
 
 def _axes(ax: Axes) -> Iterator[str]:
-    titles = " / ".join(filter(None, (ax.get_title(loc) for loc in ("left", "center"))))
-    yield f"AXES {'' if ax.get_label() in ('', None) else ax.get_label()} {titles}"
-    if ax.axison:
+    titles = " / ".join(filter(None, (ax.get_title(where) for where in ("left", "center"))))
+    yield f"AXES {ax.get_label() or ''} {titles}"
+    if getattr(ax, "_axis3don", ax.axison):
         yield from (_axis(ax, name) for name in ("xyz" if ax.name == "3d" else "xy"))
-    for line in ax.lines:
-        yield _line(line)
-    for patch in ax.patches:
-        yield _patch(patch)
-    for one in ax.collections:
-        yield _collection(one)
+    yield from map(_line, ax.lines)
+    yield from map(_patch, ax.patches)
+    yield from (_mesh(one, ax) if isinstance(one, QuadMesh) else _collection(one) for one in ax.collections)
     for image in ax.images:
         limits = f"{numbers(image.get_extent())} {image.origin} {image.get_cmap().name} {numbers(image.get_clim())}"
         yield f"image {limits}: {numbers(image.get_array())}"
-    for text in ax.texts:
-        yield _text(text, ax)
+    labels = [text for one in ax.collections for text in getattr(one, "labelTexts", ())]
+    yield from (_text(text, ax) for text in ax.texts if text not in labels)
     for table in ax.tables:
         cells = table.get_celld()
         for row in sorted({row for row, _ in cells}):
@@ -179,7 +186,8 @@ def _axes(ax: Axes) -> Iterator[str]:
 def text_of(figure: Figure) -> str:
     """All of it; words without their line breaks, which depend on the width of letters."""
     lines = [figure.get_suptitle(), figure.get_supxlabel()]
-    lines += [f"text “{text.get_text()}” {color(text.get_color())}" for text in figure.texts if text not in (figure._suptitle, figure._supxlabel)]  # type: ignore[attr-defined]
+    others = [text for text in figure.texts if text.get_text() not in lines]
+    lines += [f"text “{text.get_text()}” {color(text.get_color())}" for text in others]
     for one in figure.legends:
         lines += ["legend", *_legend(one)]
     for ax in figure.axes:

@@ -254,7 +254,7 @@ LEAST = np.array([[0.004, 0.012, 0.006], [0.0125, np.nan, 0.020]])
 
 def distances(enough: float) -> Figure:
     found = SimpleNamespace(
-        least=LEAST[None], fitting=0.0, free=lambda enough: LEAST > enough, nearest=lambda index: str(index)
+        least=LEAST[None], fitting=0.0, free=lambda enough: enough < LEAST, nearest=lambda index: str(index)
     )
     axes = {"x": np.zeros(1), "y": np.array([0.5, 1.5]), "z": np.array([0.5, 1.5, 2.5])}
     with changed(better_layouts, plane=lambda *_: axes, clearances=lambda *_, **__: found):
