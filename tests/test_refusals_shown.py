@@ -115,12 +115,6 @@ MISTAKES = [
 @pytest.mark.parametrize(("words", "said"), MISTAKES)
 def test_a_users_mistake_gets_one_sentence_and_exit_status_2(folder, words, said):
     """Of the commands that write films and pages, and before the platform is driven anywhere."""
-    result = CliRunner().invoke(
-        app,
-        [
-            *words.split(),
-            *(["--drive-seconds", "1"] if "-seconds -1" not in words and words.startswith("video") else []),
-        ],
-    )
+    result = CliRunner().invoke(app, words.split())
     assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
