@@ -26,6 +26,8 @@ NAMES: dict[str, str] = {"#ffffff": "white", "#000000": "black"}
 for _name, _value in vars(style).items():
     if isinstance(_value, str) and _value.startswith("#"):
         NAMES.setdefault(to_hex(_value), _name)
+    if isinstance(_value, tuple) and len(_value) == 3 and all(isinstance(one, float) for one in _value):
+        NAMES.setdefault(to_hex(_value), _name)
 for _name in ("MAP_SLACK", "MAP_OUTCOMES"):
     _many = getattr(style, _name)
     for _key in _many if isinstance(_many, dict) else range(len(_many)):
