@@ -59,8 +59,11 @@ FLOOR = {
     "typer, rich": ("test_cli.py", "test_cli_workspace.py", "test_cli_answers.py"),
     "lazy-loader": ("test_extras.py",),
     "matplotlib, pillow": (
-        "test_maps.py",
-        "test_figures.py::test_every_picture_has_a_title_labels_with_units_and_a_legend",
+        "test_shown_figures.py::test_every_picture_has_a_title_labels_with_units_and_a_legend",
+        "test_shown_figures.py::test_each_line_is_what_its_name_says",
+        "test_shown_figures.py::test_maps_fill_their_panels",
+        "test_shown_figures.py::test_any_plane_can_be_drawn",
+        "test_gallery.py",
     ),
     "xarray, dask, distributed, zarr, h5netcdf, filelock": ("test_store.py", "test_sweep.py"),
     "mediapy, imageio-ffmpeg": (

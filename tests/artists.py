@@ -1,0 +1,197 @@
+"""A figure as text: all that is drawn, in data coordinates, with colours by the names that ``style`` gives them.
+
+Nothing in it depends on fonts or on where things are put on the page.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import Collection, QuadMesh
+from matplotlib.colors import ListedColormap, to_hex
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Annotation, Text
+from matplotlib.ticker import FixedFormatter, FuncFormatter
+from mpl_toolkits.mplot3d.art3d import Line3D, Line3DCollection, Poly3DCollection, Text3D
+
+from cdpr_sim.drawing import style
+
+NAMES: dict[str, str] = {"#ffffff": "white", "#000000": "black"}
+"""Of colours; of a colour with several names, the first in ``style``."""
+
+for _name, _value in vars(style).items():
+    if isinstance(_value, str) and _value.startswith("#"):
+        NAMES.setdefault(to_hex(_value), _name)
+    if isinstance(_value, tuple) and len(_value) == 3 and all(isinstance(one, float) for one in _value):
+        NAMES.setdefault(to_hex(_value), _name)
+for _name in ("MAP_SLACK", "MAP_OUTCOMES"):
+    _many = getattr(style, _name)
+    for _key in _many if isinstance(_many, dict) else range(len(_many)):
+        NAMES.setdefault(to_hex(_many[_key]), f"{_name}[{_key}]")
+
+MOST = 40
+"""Numbers that are written one by one; of more, their count, ends, extremes and sum."""
+
+
+def legend(of: Figure | Axes) -> dict[str, Artist]:
+    """What stands before each of its words."""
+    (one,) = of.legends if isinstance(of, Figure) else [of.get_legend()]
+    return dict(zip([text.get_text() for text in one.get_texts()], one.legend_handles, strict=True))
+
+
+def by_gid(of: Figure | Axes) -> dict[str, Line2D]:
+    """Lines that have an id; of those with the same one, the last."""
+    axes = of.axes if isinstance(of, Figure) else [of]
+    return {str(line.get_gid()): line for ax in axes for line in ax.lines if line.get_gid()}
+
+
+def color(value: object) -> str:
+    """Its name in ``style``, and how opaque it is where it is not."""
+    if isinstance(value, str) and value == "none":
+        return "none"
+    word = to_hex(value, keep_alpha=True)  # type: ignore[arg-type]
+    if word.endswith("00"):
+        return "none"
+    return NAMES.get(word[:7], word[:7]) + (f" {int(word[7:], 16) / 255:.2g}" if word[7:] != "ff" else "")
+
+
+def numbers(values: object) -> str:
+    """Six digits of each, or what tells many from others."""
+    array = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+    flat = array.ravel()
+    if flat.size <= MOST:
+        return ", ".join(
+            " ".join(f"{one:.6g}" for one in row) for row in np.atleast_2d(array).reshape(-1, array.shape[-1])
+        )
+    known = flat[np.isfinite(flat)]
+    shape = " × ".join(map(str, array.shape))
+    ends = " ".join(f"{one:.6g}" for one in (flat[0], flat[-1], known.min(), known.max(), known.sum()))
+    weighted = known @ np.cos(np.arange(known.size))  # no two numbers may be exchanged
+    return f"{shape}, {known.size} known: first, last, least, most, sum {ends}; {weighted:.5g}"
+
+
+def described(line: Line2D) -> str:
+    """By which a reader tells one series from another."""
+    how = []
+    if line.get_linestyle() != "None":
+        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-")]  # type: ignore[attr-defined]
+    if line.get_marker() not in ("None", "", None):
+        how.append(f"{line.get_marker()} of {color(line.get_mec())} in {color(line.get_mfc())}")
+    return ", ".join(how)
+
+
+def _line(line: Line2D) -> str:
+    data = np.transpose(line.get_data_3d()) if isinstance(line, Line3D) else line.get_xydata()
+    how = [described(line)] if described(line) else []
+    if not str(line.get_label()).startswith("_"):
+        how.append(f"“{line.get_label()}”")
+    if line.get_drawstyle() != "default":
+        how.append(line.get_drawstyle())
+    return f"line {line.get_gid() or ''}: {', '.join(how)}: {numbers(data)}"
+
+
+def _fill(patch: Patch) -> str:
+    return f"{color(patch.get_facecolor())} in {color(patch.get_edgecolor())}{patch.get_hatch() or ''}"
+
+
+def _patch(patch: Patch) -> str:
+    ends = patch.get_patch_transform().transform_path(patch.get_path()).vertices
+    names = [str(one) for one in (patch.get_gid(), patch.get_label()) if one and not str(one).startswith("_")]
+    return f"{' '.join([type(patch).__name__, *names])}: {_fill(patch)}: {numbers(ends)}"
+
+
+def _mesh(mesh: QuadMesh, ax: Axes) -> str:
+    across, up = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
+    words = f"{mesh.get_cmap().name} from {numbers(mesh.get_clim())}"
+    if ax.get_label() in ("bar", "<colorbar>"):
+        return f"colours: {words}"
+    if isinstance(mesh.get_cmap(), ListedColormap) and mesh.get_cmap().N < 10:
+        rows = mesh.to_rgba(np.ma.masked_invalid(mesh.get_array()))
+        words = " / ".join(", ".join(map(color, row)) for row in rows)
+    return f"mesh over {numbers(across)} and {numbers(up)}: {words}: {numbers(mesh.get_array())}"
+
+
+def _collection(one: Collection) -> str:
+    if isinstance(one, Line3DCollection):
+        points = np.concatenate(one._segments3d)  # type: ignore[attr-defined]
+    elif isinstance(one, Poly3DCollection):
+        points = np.concatenate([*one._faces])  # type: ignore[attr-defined]
+    else:
+        points = np.concatenate([path.vertices for path in one.get_paths()] or [np.empty((0, 2))])
+    kind, shown = type(one).__name__, []
+    for colors in (one.get_facecolor(), one.get_edgecolor()):
+        names = list(dict.fromkeys(map(color, colors)))
+        shown.append(" ".join(names) if len(names) < 6 else "several")
+    if getattr(one, "labelTexts", ()):  # it is cut where they are written
+        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"  # type: ignore[attr-defined]
+    return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
+
+
+def _text(text: Text, ax: Axes) -> str:
+    at = ""
+    if isinstance(text, Text3D):
+        at = numbers(text.get_position_3d())
+    elif isinstance(text, Annotation):
+        at = numbers(text.xy) if text.xycoords == "data" else ""
+    elif text.get_transform() == ax.transData:
+        at = numbers(text.get_position())
+    return f"text “{text.get_text()}” {color(text.get_color())} {at}"
+
+
+def _legend(one: Legend) -> Iterator[str]:
+    for word, artist in zip(one.get_texts(), one.legend_handles, strict=True):
+        how = _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
+        if isinstance(artist, Line2D):
+            how = described(artist)
+        yield f"  “{word.get_text()}”: {how}"
+
+
+def _axis(ax: Axes, name: str) -> str:
+    axis = getattr(ax, f"{name}axis")
+    low, high = getattr(ax, f"get_{name}lim")()
+    words = f"{name}: “{axis.get_label_text()}” {low:.5g} to {high:.5g} {axis.get_scale()}"
+    if isinstance(axis.get_major_formatter(), FixedFormatter | FuncFormatter):
+        ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=False)
+        words += "".join(f"; {at:.5g} “{label.get_text()}”" for at, label in ticks)
+    return words
+
+
+def _axes(ax: Axes) -> Iterator[str]:
+    titles = " / ".join(filter(None, (ax.get_title(where) for where in ("left", "center"))))
+    yield f"AXES {ax.get_label() or ''} {titles}"
+    if getattr(ax, "_axis3don", ax.axison):
+        yield from (_axis(ax, name) for name in ("xyz" if ax.name == "3d" else "xy"))
+    yield from map(_line, ax.lines)
+    yield from map(_patch, ax.patches)
+    yield from (_mesh(one, ax) if isinstance(one, QuadMesh) else _collection(one) for one in ax.collections)
+    for image in ax.images:
+        limits = f"{numbers(image.get_extent())} {image.origin} {image.get_cmap().name} {numbers(image.get_clim())}"
+        yield f"image {limits}: {numbers(image.get_array())}"
+    labels = [text for one in ax.collections for text in getattr(one, "labelTexts", ())]
+    yield from (_text(text, ax) for text in ax.texts if text not in labels)
+    for table in ax.tables:
+        cells = table.get_celld()
+        for row in sorted({row for row, _ in cells}):
+            yield "row " + " | ".join(cells[place].get_text().get_text() for place in sorted(cells) if place[0] == row)
+    if ax.get_legend() is not None:
+        yield "legend"
+        yield from _legend(ax.get_legend())
+    for inset in ax.child_axes:
+        yield "inset"
+        yield from _axes(inset)
+
+
+def text_of(figure: Figure) -> str:
+    """All of it; words without their line breaks, which depend on the width of letters."""
+    lines = [figure.get_suptitle(), figure.get_supxlabel()]
+    others = [text for text in figure.texts if text.get_text() not in lines]
+    lines += [f"text “{text.get_text()}” {color(text.get_color())}" for text in others]
+    for one in figure.legends:
+        lines += ["legend", *_legend(one)]
+    for ax in figure.axes:
+        lines += ["", *_axes(ax)]
+    return "\n".join(line.replace("\n", " ") for line in lines)

@@ -1,0 +1,120 @@
+"""What cannot be drawn or written is refused in one sentence, before anything is computed, and nothing is written."""
+
+import made_up
+import numpy as np
+import pytest
+from drawn_figures import UP
+from matplotlib.figure import Figure
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.core.files import check_place
+from cdpr_sim.drawing import axes, maps
+from cdpr_sim.drawing.video.scene import Stage
+from cdpr_sim.statics import two_cable_closed_form
+from cdpr_sim.studies import gallery
+
+HEAVY = cdpr.load_robot("cogiro").replace(linear_density=0.0005)
+AT_REST = cdpr.Trajectory.through(cdpr.solve_many(HEAVY, [(0.3, 0.25, 0.1)] * 2), np.array([0.0, 1.0]))
+UNSHAPED = "shapes: found none of .*0.0005 kg/m"
+
+
+def closed_form(**changes) -> object:
+    bar = cdpr.load_robot("two-cable").replace(**changes)
+    return two_cable_closed_form.equilibrium_rotations(bar, (0.3, 0.0, 0.2))
+
+
+def film(name: str, **words) -> object:
+    return cdpr.write_video(name, made_up.states(), **words)
+
+
+REFUSED = [
+    (
+        lambda: gallery.write_figures(["agreement", "paperline"], "."),
+        "unknown figure 'paperline': did you mean paper-li",
+    ),
+    (
+        lambda: gallery.write_figures(["Fig. 10"], "."),
+        r"unknown figure 'Fig. 10': did you mean cogiro\? known: agreemen",
+    ),
+    (
+        lambda: gallery.write_figures(["figure 10"], "."),
+        r"unknown figure 'figure 10': did you mean cogiro\? known: agre",
+    ),
+    (lambda: gallery.write_figures(["Fig. 1"], "."), r"unknown figure 'Fig\. 1': known: agreement"),
+    (lambda: gallery.write_figures(["agreement"], ".", kinds=["pgn"]), "unknown kind of file 'pgn': did you mean png"),
+    (lambda: gallery.write_figures(["agreement"], "there.mp4/in"), r"there\.mp4.*: cannot be written"),
+    (lambda: check_place("map.bmp", maps.SUFFIXES, field="output"), "ends in"),
+    (lambda: check_place("nowhere/map.png", maps.SUFFIXES, field="output"), "no folder"),
+    (lambda: check_place("there.mp4", (".mp4",), field="output"), "exists"),
+    (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (3, 2, 2))), "expected a plane"),
+    (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (3, 1, 1))), "expected a plane"),
+    (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (2, 1, 2), quantities=["tilt"])), "no variable 'distance'"),
+    (lambda: axes.draw_cables(Figure().add_subplot(), HEAVY, np.zeros(3), np.eye(3), [False] * 8), UNSHAPED),
+    (lambda: axes.draw_pose(Figure().add_subplot(projection="3d"), AT_REST, 0), UNSHAPED),
+    (lambda: Stage(AT_REST, largest_tension=2.0), UNSHAPED),
+    (
+        lambda: Stage(AT_REST, largest_tension=2.0, shapes=cdpr.cable_profiles(AT_REST)[:1]),
+        "expected 2 states of 8 cabl",
+    ),
+    (lambda: cdpr.cable_profiles(AT_REST, points=1), "points: found 1"),
+    (lambda: closed_form(linear_density=0.01), "two-cable closed form: found .*0.01 kg/m"),
+    (lambda: closed_form(pulley_radius=0.01, pulley_axis=UP), "two-cable closed form: found .*pulleys of 0.01 m"),
+    (lambda: film("v.avi"), r"found the suffix '.avi', expected .mp4 or .gif"),
+    (lambda: film("v"), "found no suffix"),
+    (lambda: film("there.mp4"), "exists, expected a new place or --force"),
+    (lambda: film("folder.mp4"), "found a folder"),
+    (lambda: film("no/where.mp4"), "found no folder"),
+    (lambda: film("v.mp4", seconds=0.0), "seconds: found 0 at 30 frames per second, expected 2 to"),
+    (lambda: film("v.mp4", seconds=np.inf), "seconds: found inf"),
+    (lambda: film("v.mp4", fps=0.0), "fps: found 0"),
+    (lambda: film("v.mp4", size=(0, 480)), "size: found 0 x 480"),
+    (lambda: film("v.mp4", size=(641, 480)), "size: found 641 x 480 pixels, expected even"),
+    (lambda: film("v.mp4", size=(10**6, 480)), "size: found 1000000 x 480"),
+    (lambda: film("v.mp4", exaggeration=0.0), "exaggeration: found 0"),
+    (lambda: film("v.mp4", static=[]), "static: found 0 stacks"),
+    (lambda: film("v.mp4", renderer="opngl"), "did you mean opengl"),
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """With a file and a folder whose names are taken, which are the same afterwards."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.mp4").write_text("mine")
+    (tmp_path / "folder.mp4").mkdir()
+    yield
+    assert sorted(file.name for file in tmp_path.rglob("*")) == ["folder.mp4", "there.mp4"]
+    assert (tmp_path / "there.mp4").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("ask", "said"), REFUSED, ids=[said for _, said in REFUSED])
+def test_what_cannot_be_shown_is_refused_in_one_sentence(folder, monkeypatch, ask, said):
+    """Before it is computed."""
+    monkeypatch.setattr(gallery.Picture, "figure", lambda self: pytest.fail("computed"))
+    with pytest.raises(cdpr.CdprError, match=said) as refused:
+        ask()
+    assert "\n" not in str(refused.value)
+
+
+MISTAKES = [
+    ("video cogiro --z 2", "falls since cables cannot push"),
+    ("video cogiro --seconds 0", "seconds: found 0"),
+    ("video cogiro -o v.avi", "found the suffix '.avi'"),
+    ("video cogiro --size 1 1", "size: found 1 x 1"),
+    ("video cogiro --drive-seconds -1", "seconds: found -1"),
+    ("video cogiro --renderer vulkan", "unknown renderer 'vulkan'"),
+    ("report two-cable --no-video --grid 0 1 1 -o r.html", "grid"),
+    ("report two-cable --no-video --pose 0.4 0.1 0.2 -o r.html", "planar"),
+    ("report two-cable --no-video --material spaghetti -o r.html", "spaghetti"),
+    ("report two-cable --no-video -o robot.pdf", "suffix '.pdf'"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), MISTAKES)
+def test_a_users_mistake_gets_one_sentence_and_exit_status_2(folder, words, said):
+    """Of the commands that write films and pages, and before the platform is driven anywhere."""
+    result = CliRunner().invoke(app, words.split())
+    assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
