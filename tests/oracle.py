@@ -247,13 +247,13 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
         return end + (along * (stretch / tension * dS)[..., None]).sum(-2) - span
 
     # First a taut cable with half its weight at each end, or an inextensible catenary (Jonkman's guess).
+    theta, s, leaving = over_wheel(rig, span)
     flat, rise = np.hypot(span[..., 0], span[..., 1]), span[..., 2]
     chord = np.hypot(flat, rise)
-    excess = (rest / chord) ** 2 - 1
+    excess = (rest / (r * theta + s)) ** 2 - 1
     bow = np.sqrt(np.maximum(3 * (rest**2 - rise**2) / np.maximum(flat, 1e-3 * chord) ** 2 - 3, 0.04))
     hung = span * (weight / (2 * bow))[..., None]
     hung[..., 2] = weight / 2 * (rise / np.tanh(bow) - rest)
-    theta, s, leaving = over_wheel(rig, span)
     taut = (
         np.maximum(ropes.pulling(r * theta + s - rest), 1e-2 * weight * rest)[..., None] * leaving
         - (weight * free / 2)[..., None] * UP

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from test_any_cable import random_robot
+from sample_problems import random_mixed_robot
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.problem import Problem
@@ -108,7 +108,7 @@ def test_random_robots_of_all_kinds_settle_where_they_are_solved(seed):
     Or the methods find two equilibria that both confirm. Without drive lines, of the seeds 0 to 59, 2 do not settle,
     and in 2 a deeply slack chain differs by more than ``compare`` tolerates.
     """
-    robot, position, rest, wrench = random_robot(seed)
+    robot, position, rest, wrench = random_mixed_robot(seed)
     rigid = robot.rest_lengths(position)
     problem = Problem.of(robot, position, rigid + 0.1 * (rest - rigid), wrench)
     agreement = cdpr.compare(cdpr.solve(problem), cdpr.settle(problem))

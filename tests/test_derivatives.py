@@ -1,178 +1,317 @@
-from collections.abc import Callable
+"""All derivatives: (quantity, by what) rows, each exact to the order of a Taylor series, or of equilibria solved anew.
+
+Derivatives of equilibria by one number of each parameter are also judged by the oracle, row ``sensitivity`` of
+``test_matrix.py``.
+"""
+
+import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from sample_problems import random_problems
+from sample_problems import random_problem
 
 import cdpr_sim as cdpr
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.pose import moved
+from cdpr_sim.design.layout_derivatives import layout_derivatives
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
+from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.statics import derivatives, forces
 
-SLOPE = 1e-6
-"""Relative error of central differences over 1e-6 m: rounding of 1e-16/1e-6 times what nearly cancels; the test's own
-negative control shows what it does not let pass."""
+ORDER = 2.9
+"""Least exponent with which a central difference's error falls with the step: 3 but for terms of higher order. An error
+of the slope makes it 1."""
 
-KINK = 1e-4
-"""[m] A problem with a cable this close to its rest length is not differenced: there the slope jumps."""
+NEGLIGIBLE = 1e-9
+"""Of the difference: what is left where a quantity is of second order, or rounding is all."""
 
-
-def changed(problem: cdpr.Problem, name: str, index: int, step: float) -> cdpr.Problem:
-    """``problem`` with one number of one parameter changed. What lies on the wheels does not follow."""
-    holder = problem if name in ("rest_lengths", "external_wrench") else problem.robot
-    value = np.array(getattr(holder, name), dtype=float)
-    value.reshape(-1)[index] += step
-    robot, rest, wrench = problem.robot, problem.rest_lengths, problem.external_wrench
-    if name == "rest_lengths":
-        rest = value
-    elif name == "external_wrench":
-        wrench = value
-    else:
-        robot = robot.replace(**{name: value if value.ndim else float(value)})
-        robot.__dict__["wrapped_lengths"] = problem.robot.wrapped_lengths
-    return cdpr.Problem(robot, problem.pose, rest, wrench)
+SOLVED = 2e-5
+"""Relative error of central differences through the solver: its rounding over the step."""
 
 
-def at(problem: cdpr.Problem) -> forces.State:
-    """The forces at the commanded pose."""
-    return forces.at(problem, problem.pose.translation, problem.pose.rotation.as_matrix())
+def stretched(robot: cdpr.Robot, pose, factors) -> cdpr.Problem:
+    """Some cables taut and others slack, none close to its rest length, a force and a torque: out of balance."""
+    load = 0.1 * robot.weight * np.array([0.3, 0.2, 0.4, 0.01, 0.03, 0.02])
+    load[np.setdiff1d(np.arange(6), robot.free)] = 0
+    rest = robot.rest_lengths(pose) * np.resize(factors, robot.cables)
+    return cdpr.Problem.of(robot, pose, rest, load)
 
 
-def stretched(problem: cdpr.Problem, torque: bool = True) -> cdpr.Problem:
-    """``problem`` with some cables taut and others slack, and a torque: out of balance."""
-    factors = np.where(np.arange(problem.robot.cables) % 3 == 2, 1.02, 0.97)
-    wrench = problem.external_wrench + (np.array([0, 0, 0, 0, 0.01, 0]) * problem.load if torque else 0)
-    changed = cdpr.Problem.of(problem.robot, problem.pose, problem.rest_lengths * factors, wrench)
-    assume(np.abs(at(changed).lengths - changed.rest_lengths).min() > KINK)
-    return changed
-
-
-def by_step(problem: cdpr.Problem, quantity: Callable[[forces.State], np.ndarray], size: float = 1e-6) -> np.ndarray:
-    """Central differences of what is computed from the forces, by a shift along and a rotation about each axis."""
-
-    def there(step: np.ndarray) -> np.ndarray:
-        pose = moved(problem.pose, step)
-        return quantity(forces.at(problem, pose.translation, pose.rotation.as_matrix()))
-
-    return np.array([(there(size * unit) - there(-size * unit)) / (2 * size) for unit in np.eye(6)]).T
-
-
-@settings(max_examples=15)
-@given(random_problems())
-def test_slopes_of_wrench_and_tensions_are_exact_out_of_balance_and_under_a_torque(problem):
-    """Against central differences, at poses that are no equilibria: there the wrench's slope is not symmetric."""
-    problem = stretched(problem)
-    state = at(problem)
-    exact, differenced = derivatives.wrench_slope(state), by_step(problem, lambda state: state.net_wrench)
-    assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
-    # Negative control: without the term that makes it unsymmetric, the differences show it.
-    torque = state.net_wrench[3:] - problem.external_wrench[3:]
-    if np.abs(torque).max() > 1e2 * SLOPE * np.abs(exact).max():
-        assert np.abs(-state.stiffness_matrix - differenced).max() > SLOPE * np.abs(exact).max()
-    exact = derivatives.tension_by_pose(state)
-    assert np.abs(exact - by_step(problem, lambda state: state.tensions)).max() <= SLOPE * np.abs(exact).max()
-
-
-@settings(max_examples=10)
-@given(random_problems())
-def test_slope_at_fixed_tensions_is_that_of_cables_without_elasticity(problem):
-    """Against central differences of W tau + w_e with tau as it is."""
-    problem = stretched(problem)
-    state = at(problem)
-    exact, _ = derivatives.wrench_under_tensions(state)
-    differenced = by_step(problem, lambda other: other.wrench_matrix @ state.tensions + other.load_wrench)
-    # What is left is small beside the elastic part that was taken off, whose rounding stays.
-    assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max() + 1e-12 * state.tangent_stiffness.max()
-
-
-@settings(max_examples=8)
-@given(problem=random_problems())
-def test_wrench_and_tensions_by_parameter_are_exact(problem):
-    """Every column against central differences, in every parameter."""
-    problem = stretched(problem, torque=False)
-    state = at(problem)
-    wrenches, tensions = derivatives.wrench_by_parameter(state), derivatives.tension_by_parameter(state)
-    assert wrenches.keys() == tensions.keys() == set(derivatives.PARAMETERS)
-    # The wrench is linear in mass and external wrench, so that their steps may be large and rounding small.
-    stiffness = problem.robot.axial_stiffness.mean()
-    steps = {"axial_stiffness": 1e-6 * stiffness, "mass": 0.1 * problem.robot.mass, "external_wrench": 1e-3 * stiffness}
-
-    def both(name: str, index: int, step: float) -> np.ndarray:
-        other = at(changed(problem, name, index, step))
-        return np.concatenate([other.net_wrench, other.tensions])
-
-    planar = problem.robot.mobility == "planar"
-    for name in derivatives.PARAMETERS:
-        size = steps.get(name, 1e-6)
-        wrench, tension = wrenches[name], tensions[name]
-        for index in range(wrench.shape[1]):
-            if planar and (name in ("exits", "anchors", "center_of_mass") and index % 3 == 1):
-                continue
-            differenced = (both(name, index, size) - both(name, index, -size)) / (2 * size)
-            exact = np.concatenate([wrench[:, index], tension[:, index]])
-            scale = max(np.abs(exact).max(), 1e-9 * problem.load / size)
-            assert np.abs(exact - differenced).max() <= 10 * SLOPE * scale, (name, index)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_derivatives_of_cables_of_every_kind_are_exact(seed):
-    """Of robots that mix wheels, laws, drive lines and, each second one, masses: energy, every parameter, the pose.
-
-    Taut and slack cables, out of balance and under a torque, which has no energy.
-    """
+def mixed(seed: int, heavy: bool = False) -> cdpr.Problem:
+    """Wheels, laws, drive lines and reeving on some cables, and masses."""
     random = np.random.default_rng(seed)
     robot = cdpr.load_robot("cogiro").replace(
-        axial_stiffness=10 ** random.uniform(3, 4, 8), linear_density=0.01 * (random.random(8) < 0.8) * (seed % 2),
-        pulley_radius=0.02 * (random.random(8) < 0.6),
+        axial_stiffness=10 ** random.uniform(3, 4, 8), linear_density=0.01 * heavy * (random.random(8) < 0.8),
+        pulley_radius=0.02 * (random.random(8) < 0.6), center_of_mass=(0.01, 0.02, -0.01),
         stiffening=np.array([20.0, 500.0]) * (random.random((8, 1)) < 0.6),
         winch_to_exit=random.uniform(0, 0.8, 8) * (random.random(8) < 0.5), reeving=random.integers(1, 4, 8),
     )  # fmt: skip
-    pose, torque = (0.2, 0.25, 0.15, 0.05, -0.03, 0.1), np.array([0, 0, 0, 0, 0.01, 0.02])
-    rest = robot.rest_lengths(pose) * random.choice([0.97, 0.999, 1.02], 8)
-    problem = cdpr.Problem.of(robot, pose, rest, [0.1, -0.2, 0.3, *torque[3:]])
-    state = at(problem)
+    return stretched(robot, (0.2, 0.25, 0.15, 0.05, -0.03, 0.1), random.choice([0.97, 0.98, 1.02], 8))
 
-    def both(name: str, index: int, step: float) -> np.ndarray:
-        other = at(changed(problem, name, index, step))
-        return np.concatenate([other.net_wrench, other.tensions])
 
+CASES = {
+    "plain": lambda: stretched(
+        cdpr.load_robot("parallel").replace(center_of_mass=(0.01, 0.02, -0.01)), (0.3, 0.25, 0.2, 0.1, -0.2, 0.3),
+        [0.97, 0.98, 1.02],
+    ),
+    "planar": lambda: stretched(
+        cdpr.load_robot("planar-vertical").replace(center_of_mass=(0.01, 0, -0.01)), (0.3, 0, 0.2, 0, 0.2, 0),
+        [0.97, 1.02, 0.98],
+    ),
+    "random": lambda: stretched((at := random_problem(11)).robot, at.pose, [0.97, 1.02, 0.96]),
+    "mixed": lambda: mixed(1),
+    "mixed, too": lambda: mixed(4),
+    "with mass": lambda: mixed(3, heavy=True),
+    "with mass, too": lambda: mixed(5, heavy=True),
+}  # fmt: skip
+
+
+@functools.cache
+def case(name: str) -> tuple[cdpr.Problem, forces.State]:
+    problem = CASES[name]()
+    return problem, forces.at(problem, problem.position, problem.pose.rotation.as_matrix())
+
+
+def order(value, slope: np.ndarray, step: np.ndarray, one_sided: bool = False) -> float:
+    """With which power of the step the remainder falls; infinite where it is negligible."""
+    left = []
+    for part in (1.0, 0.5):
+        before = value(0 * step) if one_sided else value(-part * step)
+        exact = (1 if one_sided else 2) * part * slope @ step
+        left.append(np.abs(value(part * step) - before - exact).max())
+    if left[0] <= NEGLIGIBLE * np.abs(exact).max() + 1e-14 * np.abs(value(0 * step)).max():
+        return np.inf
+    return np.log2(left[0] / left[1]) + one_sided
+
+
+def direction(size: float, numbers: int, seed: int = 0) -> np.ndarray:
+    """No number much smaller than the others."""
+    random = np.random.default_rng(seed)
+    return size * random.uniform(0.5, 1, numbers) * random.choice([-1, 1], numbers)
+
+
+# --- by the pose ---------------------------------------------------------------------------------------------------
+
+BY_POSE = {
+    "energy": (lambda at: at.energy[None], lambda at: at.problem.external_wrench * [0, 0, 0, 1, 1, 1] - at.net_wrench),
+    "net wrench": (lambda at: at.net_wrench, derivatives.wrench_slope),
+    "tensions": (lambda at: at.tensions, derivatives.tension_by_pose),
+    "lengths": (lambda at: at.lengths, lambda at: -at.geometry.wrench_matrix.T / at.problem.robot.reeving[:, None]),
+}
+"""A quantity of a state, and its slope; an external torque has no energy."""
+
+
+@pytest.mark.parametrize("quantity", BY_POSE)
+@pytest.mark.parametrize("name", CASES)
+def test_slopes_by_the_pose_are_exact_out_of_balance_and_under_a_torque(name, quantity):
+    """Along a shift and a rotation at once; there the wrench's slope is not symmetric."""
+    problem, state = case(name)
+    value, slope = BY_POSE[quantity]
+    step = np.zeros(6)
+    step[problem.robot.free] = direction(1e-3, len(problem.robot.free))
+
+    def at(step):
+        pose = moved(problem.pose, step)
+        return value(forces.at(problem, pose.translation, pose.rotation.as_matrix()))
+
+    assert order(at, np.atleast_2d(slope(state)), step) >= ORDER
+    if (name, quantity) == ("plain", "net wrench"):  # negative control: without the term that makes it unsymmetric
+        assert order(at, -state.stiffness_matrix, step) < 2
+
+
+@pytest.mark.parametrize("name", ["plain", "planar", "mixed"])
+def test_the_slope_at_fixed_tensions_is_that_of_cables_without_elasticity(name):
+    """Of W tau + w_e with tau as it is; and by the tensions."""
+    problem, state = case(name)
+    by_pose, by_tensions = derivatives.wrench_under_tensions(state)
+    np.testing.assert_array_equal(by_tensions, state.wrench_matrix)
+    step = np.zeros(6)
+    step[problem.robot.free] = direction(1e-3, len(problem.robot.free))
+
+    def at(step):
+        pose = moved(problem.pose, step)
+        other = forces.at(problem, pose.translation, pose.rotation.as_matrix())
+        return other.wrench_matrix @ state.tensions + other.load_wrench
+
+    assert order(at, by_pose, step) >= ORDER
+
+
+# --- by the parameters ---------------------------------------------------------------------------------------------
+
+SIZES = {
+    "axial_stiffness": 50.0, "mass": 0.01, "external_wrench": 0.1, "linear_density": 1e-3, "stiffening": 1.0,
+    "winch_to_exit": 1e-2,
+}  # fmt: skip
+"""Of steps; lengths have a millimetre."""
+
+
+def changed(problem: cdpr.Problem, name: str, step: np.ndarray) -> cdpr.Problem:
+    """``problem`` with all numbers of a parameter changed. What lies on the wheels follows their radius alone."""
+    holder = problem if name in ("rest_lengths", "external_wrench") else problem.robot
+    value = np.array(getattr(holder, name), dtype=float)
+    value = value + step.reshape(value.shape)
+    if holder is problem:
+        return replace(problem, **{name: value})
+    robot = problem.robot.replace(**{name: value if value.ndim else float(value)})
+    if name != "pulley_radius":
+        robot.__dict__["wrapped_lengths"] = problem.robot.wrapped_lengths
+    return cdpr.Problem(robot, problem.pose, problem.rest_lengths, problem.external_wrench)
+
+
+def along(problem: cdpr.Problem, name: str, seed: int = 0) -> np.ndarray:
+    """A step of all numbers of a parameter that can change, in the plane of a planar robot."""
+    value = np.ravel(getattr(problem if name in ("rest_lengths", "external_wrench") else problem.robot, name))
+    step = direction(SIZES.get(name, 1e-3), value.size, seed)
+    if problem.robot.mobility == "planar" and name in ("exits", "anchors", "center_of_mass"):
+        step[1::3] = 0
+    if problem.robot.mobility == "planar" and name == "external_wrench":
+        step[[1, 3, 5]] = 0
+    if name in ("pulley_radius", "stiffening"):
+        step[value == 0] = 0
+    return np.where(value == 0, np.abs(step), step) if name in ("linear_density", "winch_to_exit") else step
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_wrench_and_tensions_by_every_parameter_are_exact(name):
+    """All numbers of a parameter at once; to one side where some are 0 and cannot be less."""
+    problem, state = case(name)
     wrenches, tensions = derivatives.wrench_by_parameter(state), derivatives.tension_by_parameter(state)
-    of_kinds = {"pulley_radius", "stiffening", "winch_to_exit"} | ({"linear_density"} if seed % 2 else set())
-    every = {*derivatives.PARAMETERS, *of_kinds}
-    assert set(wrenches) == set(tensions) == set(derivatives.parameters(robot)) == every
-    sizes = {
-        "axial_stiffness": 0.1, "mass": 0.01, "external_wrench": 1e-3, "linear_density": 1e-5, "stiffening": 0.1
-    }  # fmt: skip
-    for name, wrench in wrenches.items():
-        size = sizes.get(name, 1e-6)
-        scale = max(np.abs(wrench).max(), np.abs(tensions[name]).max(), 1e-9 * problem.load / size)
-        for index in range(wrench.shape[1]):
-            if name == "pulley_radius" and robot.pulley_radius[index] == 0:
-                continue
-            exact = np.concatenate([wrench[:, index], tensions[name][:, index]])
-            steps, weights = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
-            zero = name in ("linear_density", "winch_to_exit") and getattr(robot, name)[index] == 0
-            if zero:  # to one side
-                steps, weights = (0, 1, 2, 3, 4), (-25 / 12, 4, -3, 4 / 3, -1 / 4)
-            there = [both(name, index, step * size) for step in steps]
-            differenced = sum(w * one for w, one in zip(weights, there, strict=True)) / size
-            assert np.abs(exact - differenced).max() <= 10 * SLOPE * scale, (name, index)
+    more = {"pulley_radius", "stiffening", "winch_to_exit"} if "mi" in name or "mass" in name else set()
+    more |= {"linear_density"} if "mass" in name else set()
+    expected = {*derivatives.PARAMETERS, *more}
+    assert set(wrenches) == set(tensions) == set(derivatives.parameters(problem.robot)) == expected
+    units = problem.robot.units
+    for parameter, slope in wrenches.items():
+        zeros = parameter in ("linear_density", "winch_to_exit")
+        step = along(problem, parameter) * (1e-2 if zeros else 1)
+        for value, by in (
+            (lambda at: at.net_wrench / units, slope / units[:, None]), (lambda at: at.tensions, tensions[parameter])
+        ):  # fmt: skip
 
-    exact = np.vstack([derivatives.wrench_slope(state), derivatives.tension_by_pose(state)])
-    differenced = by_step(problem, lambda state: np.concatenate([state.net_wrench, state.tensions]))
-    assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
-    by_energy = -by_step(problem, lambda state: np.array([state.energy])).ravel()
-    assert np.abs(by_energy + torque - state.net_wrench).max() <= SLOPE * np.abs(state.net_wrench).max()
+            def at(step, value=value, parameter=parameter):
+                other = changed(problem, parameter, step)
+                return value(forces.at(other, other.position, other.pose.rotation.as_matrix()))
+
+            assert order(at, by, step, one_sided=zeros) >= ORDER - 0.1 * zeros, parameter
 
 
-def test_derivatives_at_many_poses_are_those_at_each():
-    """Of problems with masses of their own, with and without mass, taut and slack."""
-    robot = cdpr.load_robot("parallel").replace(linear_density=[5e-4] * 4 + [0.0] * 4, pulley_radius=0.005)
-    poses = np.random.default_rng(0).uniform(*robot.workspace, (6, 3))
-    found = cdpr.solve_many(robot, poses, mass=np.linspace(0.9, 1.1, 6) * robot.mass)
-    assert found.slack.any()
-    many = forces.at(found.problems, found.positions, found.rotations)
-    for derivative in (derivatives.wrench_by_parameter, derivatives.tension_by_parameter):
-        for row, by in enumerate(map(derivative, map(forces.at, found.problems, found.positions, found.rotations))):
-            for name, each in derivative(many).items():
-                np.testing.assert_allclose(each[row], by[name], rtol=0, atol=1e-10 * np.abs(by[name]).max())
+def test_energy_tension_and_tangent_of_a_law_are_one_potential():
+    """Also beyond the strain of 20 % where it goes on straight."""
+    stretch = np.array([0.01, 0.1, 0.19, 0.25, 0.6])
+    law = (1.0, 1e4, 20.0, 300.0)
+    slope, _ = cable_law.tangent(stretch, *law)
+    for value, exact in ((cable_law.energy, cable_law.tension(stretch, *law)), (cable_law.tension, slope)):
+        by = np.diag(np.asarray(exact))
+        assert order(lambda step, value=value: value(stretch + step, *law), by, direction(1e-3, 5)) >= ORDER
+
+
+# --- of equilibria -------------------------------------------------------------------------------------------------
+
+
+def solved(problem: cdpr.Problem, base: cdpr.Equilibrium, name: str, step: np.ndarray) -> np.ndarray:
+    """(pose step, tensions) from ``base`` of the equilibrium of a changed problem, solved anew from beside it."""
+    aside = np.zeros(6)
+    aside[problem.robot.free] = 1e-4  # or the solver would find the old pose good enough
+    found = cdpr.solve(changed(replace(problem, pose=moved(base.pose, aside)), name, step))
+    turn = (found.rotation * base.rotation.inv()).as_rotvec()
+    return np.concatenate([found.position - base.position, turn * problem.robot.characteristic_length, found.tensions])
+
+
+ASKED = {
+    "parallel": ({}, (0.25, 0.22, 0.15), None),
+    "planar-vertical": ({}, (0.25, 0, 0.15), None),
+    "cogiro": ({"axial_stiffness": 50.0, "material": None}, (0.3, 0.25, 0.15), [0, 0, 0, 0.01, 0.02, 0]),
+    "cogiro, every property": (
+        dict(linear_density=[5e-3] * 7 + [0], pulley_radius=[0.01] * 7 + [0], stiffening=[[1.0, 20.0]] * 7 + [[0, 0]]),
+        (0.25, 0.22, 0.15), None,
+    ),
+}  # fmt: skip
+"""Changes of a robot, pose, external wrench: under a torque the slope is not symmetric."""
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_sensitivities_are_those_of_the_solver(name):
+    """All numbers of each parameter at once, off the middle, against solving anew on both sides."""
+    changes, pose, load = ASKED[name]
+    robot = cdpr.load_robot(name.split(",")[0]).replace(**{"material": "fishing-0.4mm"} | changes)
+    answer = cdpr.sensitivity(robot, pose, external_wrench=load)
+    base = answer.equilibrium
+    problem, units = base.problem, np.repeat([1.0, robot.characteristic_length], 3)
+    assert set(answer.pose) == set(answer.tensions) == set(derivatives.parameters(robot))
+    for parameter in answer.pose:
+        step = 2e-3 * along(problem, parameter)
+        if parameter == "linear_density":
+            step[-1] = 0
+        up, down = (solved(problem, base, parameter, sign * step) for sign in (1, -1))
+        exact = np.concatenate([units * (answer.pose[parameter] @ step), answer.tensions[parameter] @ step])
+        far = np.abs((up - down) / 2 - exact)
+        for some in (slice(6), slice(6, None)):
+            assert far[some].max() <= SOLVED * np.abs(exact[some]).max() + 1e-9 * problem.load, parameter
+
+
+def test_moving_the_whole_frame_moves_the_platform_along(catalogue):
+    """The sum over all exits of any axis is a pure translation: an identity that no finite difference blurs."""
+    answer = cdpr.sensitivity(catalogue["parallel"], (0.2, 0.22, 0.1))
+    together = answer.pose["exits"].reshape(6, -1, 3).sum(1)
+    assert together == pytest.approx(np.vstack([np.eye(3), np.zeros((3, 3))]), abs=1e-7)
+    assert answer.tensions["exits"].reshape(8, -1, 3).sum(1) == pytest.approx(np.zeros((8, 3)), abs=1e-4)
+
+
+def test_tilt_grows_as_the_solver_says(catalogue):
+    """Its own derivative, against the solver's tilt."""
+    robot = catalogue["parallel"]
+    base = cdpr.solve(robot, (0.2, 0.22, 0.1))
+    exact = cdpr.sensitivity(base).tilt("rest_lengths")[0]
+    tilts = [cdpr.solve(robot, base.pose, base.rest_lengths + np.eye(8)[0] * step).tilt for step in (1e-6, -1e-6)]
+    assert exact == pytest.approx((tilts[0] - tilts[1]) / 2e-6, rel=1e-4)
+
+
+def test_effects_are_what_a_millimetre_a_percent_and_a_newton_do(catalogue):
+    """Every number's name and unit, and its effect in mm, degrees and N; the largest first."""
+    robot = catalogue["parallel"].replace(axial_stiffness=np.linspace(4e3, 6e3, 8))
+    answer = cdpr.sensitivity(robot, (0.25, 0.25, 0.1))
+    meant = {f"rest length {i + 1}": ("rest_lengths", i, "mm", 1e-3) for i in range(8)}
+    meant |= {f"EA of cable {i + 1}": ("axial_stiffness", i, "%", robot.axial_stiffness[i] / 100) for i in range(8)}
+    for which in ("exit", "anchor"):
+        for i, number in enumerate(f"{which} {cable} {axis}" for cable in range(1, 9) for axis in "xyz"):
+            meant[number] = (f"{which}s", i, "mm", 1e-3)
+    meant["mass"] = ("mass", 0, "%", robot.mass / 100)
+    for i, axis in enumerate("xyz"):
+        meant[f"centre of mass {axis}"] = ("center_of_mass", i, "mm", 1e-3)
+        meant[f"force {axis}"] = ("external_wrench", i, "N", 1.0)
+        meant[f"torque {axis}"] = ("external_wrench", 3 + i, "N mm", 1e-3)
+    effects = answer.effects()
+    assert sorted(effect.name for effect in effects) == sorted(meant)
+    for effect in effects:
+        parameter, index, per, size = meant[effect.name]
+        assert (effect.parameter, effect.index, effect.per) == (parameter, index, per)
+        step = size * answer.pose[parameter][:, index]
+        assert effect.position == pytest.approx(1000 * np.linalg.norm(step[:3]))
+        assert effect.rotation == pytest.approx(np.linalg.norm(step[3:]) * 180 / np.pi)
+        assert effect.tension == pytest.approx(size * np.abs(answer.tensions[parameter][:, index]).max())
+    moves = [np.hypot(e.position, np.radians(e.rotation) * 1000 * robot.characteristic_length) for e in effects]
+    assert moves == sorted(moves, reverse=True)
+    stretches = answer.equilibrium.lengths - answer.equilibrium.rest_lengths
+    assert answer.margin == min(abs(stretches))
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_slopes_of_layouts_are_those_of_layouts_solved_anew(bent):
+    """By every kind of variable, whose change the winches know, under loads with torques, at two stiffnesses."""
+    robot = cdpr.load_robot("cogiro" if bent else "parallel")
+    if bent:
+        robot = robot.replace(pulley_radius=0.02, pulley_axis=(0, 0, 1), stiffening=(50, 0), winch_to_exit=0.4)
+    moves = [Move("exits", 0.05), Move("anchors", 0.005), Move("center_of_mass", 0.005), Move("axial_stiffness", 2)]
+    space = Space.of(robot, moves, "none")
+    cases = Cases.of(robot, [(0.2, 0.22, 0.12, 0, 0.05, 0.1)], [np.zeros(6), [0.3, 0, 0.1, 0, 0.01, 0.02]], [1, 0.5])
+    here, step = solve_layouts(space.layouts(np.zeros((1, len(space)))), cases, 1), 1e-6
+    changes = {name: by.reshape(len(space), -1).T for name, by in space.by.items() if name != "linear_density"}
+    changes["axial_stiffness"] = robot.axial_stiffness[:, None] * changes["axial_stiffness"]
+    by_pose, by_tensions = layout_derivatives(here, 0, changes, known=True)
+    up, down = (solve_layouts(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
+    for changed, exact in ((up.positions - down.positions, by_pose[:, :3]), (up.tensions - down.tensions, by_tensions)):
+        slope = np.moveaxis(changed, 0, -1) / (2 * step)
+        assert exact == pytest.approx(slope, abs=SOLVED * np.abs(slope).max())
+    unaware, _ = layout_derivatives(here, 0, changes, known=False)
+    assert np.abs(unaware - by_pose).max() > 0.1 * np.abs(by_pose).max()

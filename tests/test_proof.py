@@ -8,10 +8,10 @@ import sys
 from decimal import ROUND_FLOOR
 
 import numpy as np
+import oracle
 import pytest
 from sample_problems import garage_crane, symmetric_pair
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_any_cable import ENDS, Cables, misses
 from test_cli_answers import row, run
 
 import cdpr_sim as cdpr
@@ -228,7 +228,7 @@ def test_the_slope_is_the_derivative_of_the_forces(case):
 
 @pytest.mark.parametrize("case", ["mass", "mass and all", "mass on some"])
 def test_a_cable_with_mass_ends_where_the_integral_of_its_strain_does(case):
-    """Over wheels, nonlinear, with a drive line: by another test's integral in extended precision."""
+    """Over wheels, nonlinear, with a drive line: by the oracle's integral."""
     problem = problem_of(case)
     robot, there = problem.robot, problem.position + problem.robot.anchors
     pulls = np.ones((robot.cables, 3))
@@ -236,14 +236,9 @@ def test_a_cable_with_mass_ends_where_the_integral_of_its_strain_does(case):
         for i in np.flatnonzero(robot.linear_density).tolist():
             cable = Cable(problem, i)
             pulls[i] = middles(cable.pull(exact(there[i]), cable.tension_near(there[i])).force)
-    cables = Cables(
-        there - robot.exits, 1.0, robot.pulley_radius, robot.pulley_axis, robot.reeving * robot.axial_stiffness,
-        robot.stiffening, robot.cable_weights,
-    )  # fmt: skip
-    cables.rest, cables.wrapped, cables.behind = problem.rest_lengths, robot.wrapped_lengths, robot.cabling.behind
-    heavy, size = robot.linear_density > 0, np.abs(robot.exits).max()
-    assert (misses(cables, pulls)[heavy] < ENDS * size).all()
-    assert (misses(cables, 1.0001 * pulls)[heavy] > 100 * ENDS * size).all()
+    rig, heavy = oracle.Rig.of(robot), robot.linear_density > 0
+    mine = oracle.balance(rig, problem.position, np.eye(3), oracle.Ropes(rig, problem.rest_lengths)).pulls
+    np.testing.assert_allclose(pulls[heavy], mine[heavy], rtol=0, atol=1e-9 * np.abs(mine).max())
 
 
 def test_the_remainder_of_a_nonlinear_cable_covers_what_its_series_omit(monkeypatch):

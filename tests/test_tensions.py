@@ -33,46 +33,34 @@ def test_smallest_tensions_are_those_of_a_general_optimiser(lower, upper):
     assert found == pytest.approx(general.x, rel=SAME, abs=SAME)
 
 
-def test_stiffest_tensions_beat_every_other():
-    """No random tensions within limits have a larger smallest eigenvalue; the smallest ones have a smaller one."""
-    there = demand("cogiro", (0.25, 0.2, 0.15), 0.04, 5.0)
-    best = distribution.stiffest(there)
-    least = distribution.smallest(there)
-    assert best is not None
-    assert least is not None
-    value = there.softest(best)[0]
-    assert value > there.softest(least)[0]
-    rng = np.random.default_rng(0)
+def tried(there: distribution.Demand, around: np.ndarray, spread: float) -> np.ndarray:
+    """Random tensions within 0.04 to 5 N that balance the same load."""
     null = np.linalg.svd(there.wrench_matrix)[2][6:]
-    tried = 0
-    for _ in range(2000):
-        other = least + rng.normal(size=2) @ null * 0.7
-        if (other >= 0.04).all() and (other <= 5).all():
-            tried += 1
-            assert there.softest(other)[0] <= value * (1 + 2 * distribution.GAP)
-    assert tried > 50
+    others = around + np.random.default_rng(0).normal(size=(2000, 2)) @ null * spread
+    others = others[((others >= 0.04) & (others <= 5)).all(1)]
+    assert len(others) > 50
+    return others
 
 
-def test_smallest_tensions_may_have_to_hold_the_platform():
-    """Asked for a stiffness that the smallest lack: just that, and no random tensions that have it are smaller."""
+def test_stiffest_tensions_beat_every_other_and_the_smallest_may_have_to_hold_the_platform():
+    """No random tensions have a larger smallest eigenvalue.
+
+    Asked for a stiffness that the smallest lack: just that, and no random tensions that have it are smaller.
+    """
     there = demand("cogiro", (0.25, 0.2, 0.15), 0.04, 5.0)
-    least, best = distribution.smallest(there), distribution.stiffest(there)
-    assert least is not None
-    assert best is not None
-    floor = 0.5 * (there.softest(least)[0] + there.softest(best)[0])
+    best, least = distribution.stiffest(there), distribution.smallest(there)
+    value, low = there.softest(best)[0], there.softest(least)[0]
+    assert value > low
+    for other in tried(there, least, 0.7):
+        assert there.softest(other)[0] <= value * (1 + 2 * distribution.GAP)
+    floor = 0.5 * (low + value)
     found = distribution.smallest(there, floor)
-    assert found is not None
     assert there.softest(found)[0] == pytest.approx(floor, rel=10 * distribution.GAP)
     assert np.abs(there.wrench_matrix @ found + there.load).max() < 1e-9 * there.scale
-    rng, tried = np.random.default_rng(0), 0
-    null = np.linalg.svd(there.wrench_matrix)[2][6:]
-    for _ in range(2000):
-        other = found + rng.normal(size=2) @ null * 0.3
-        if (other >= 0.04).all() and (other <= 5).all() and there.softest(other)[0] >= floor:
-            tried += 1
+    for other in tried(there, found, 0.3):
+        if there.softest(other)[0] >= floor:
             assert np.linalg.norm(other) >= np.linalg.norm(found) * (1 - 2 * distribution.GAP)
-    assert tried > 50
-    assert distribution.smallest(there, 1.001 * there.softest(best)[0]) is None
+    assert distribution.smallest(there, 1.001 * value) is None
 
 
 def test_stiffness_is_affine_in_the_tensions():
@@ -99,15 +87,8 @@ def test_where_nothing_balances_the_leftover_proves_it():
     assert np.abs(distribution.leftover(demand("cogiro", (0.17, 0.25, 0.1)))).max() < 1e-9
 
 
-def test_pretension_without_a_limit_is_refused():
-    """A platform that cables pull from both sides gets stiffer for ever: one sentence, and no endless search."""
-    robot = cdpr.Robot(
-        exits=[[-1, 0, 1], [1, 0, 1], [-1, 0, -1], [1, 0, -1]],
-        anchors=[[-0.1, 0, -0.1], [0.1, 0, -0.1], [-0.1, 0, 0.1], [0.1, 0, 0.1]],
-        axial_stiffness=1e4,
-        mass=1.0,
-        mobility="planar",
-    )
-    with pytest.raises(cdpr.InvalidInput, match="found no upper limit"):
-        cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, np.inf))
+def test_pretension_up_to_a_limit_is_taken():
+    """A platform that cables pull from both sides gets stiffer for ever; without a limit it is refused."""
+    exits, anchors = ([[x, 0, z] for z in (b, -b) for x in (-a, a)] for a, b in ((1, 1), (0.1, -0.1)))
+    robot = cdpr.Robot(exits=exits, anchors=anchors, axial_stiffness=1e4, mass=1.0, mobility="planar")
     assert cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, 100)).tensions.max() > 99

@@ -101,9 +101,10 @@ class EquilibriumBatch(Frozen, HtmlRepr):
         )
 
     def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Pose:
+        pose = Pose(self.positions[row].copy(), self.rotations[row].copy())
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
-            return Pose.of(self.poses[row])
-        return Pose(self.positions[row].copy(), self.rotations[row].copy())
+            pose.__dict__["transform"] = self.poses[row]  # made already; Pose.of would refuse one without numbers
+        return pose
 
     @cached_property
     def poses(self) -> RigidTransform:
