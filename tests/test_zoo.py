@@ -51,6 +51,11 @@ def test_kinds_are_what_they_are_called():
 
 def test_every_robot_says_where_its_numbers_come_from_and_is_in_the_lists():
     """A source and a description; a workspace within the frame; no warning; under its kind, printed and in models/."""
+    assert {path.name for path in MODELS.iterdir()} == {
+        *NAMES,
+        "README.md",
+        "robots.png",
+    }
     printed, index = run("robots").stdout, (MODELS / "README.md").read_text(encoding="utf-8")
     for name in NAMES:
         robot = cdpr.load_robot(name)
