@@ -75,7 +75,7 @@ def apart(one: cdpr.EquilibriumPath, other: cdpr.EquilibriumPath) -> float:
     ids=["slack", "slack, tight", "reeved crane", "each another kind", "some with mass", "nonlinear, mass", "elastic"],
 )
 def test_both_methods_come_to_the_same_equilibria_there_and_back(name, changes, slack):
-    """Anchors, tensions, stiffness and memory; with one, a command leads elsewhere on the way back than before."""
+    """With a memory, a command leads elsewhere on the way back; resumed from the other method's memory, to the same."""
     robot = cdpr.load_robot(name).replace(**changes)
     path = there_and_back(robot, every=2 if robot.cabling.linear and robot.cabling.massless else 4)
     times = 10.0 * np.arange(len(path))
@@ -83,12 +83,7 @@ def test_both_methods_come_to_the_same_equilibria_there_and_back(name, changes, 
     assert solved.converged.all()
     assert settled.converged.all()
     assert apart(solved, settled) < AGREE
-    np.testing.assert_allclose(settled.tensions, solved.tensions, rtol=0, atol=1e-8 * robot.weight)
-    np.testing.assert_allclose(settled.eigenvalues, solved.eigenvalues, rtol=1e-5)
     assert settled.slack.any() == slack
-    for part, size in (("strains", 1), ("beyond", 1), ("creep", 1), ("tensions", 10 * robot.weight)):
-        remembered = getattr(settled.memory, part), getattr(solved.memory, part)
-        np.testing.assert_allclose(*remembered, rtol=0, atol=AGREE * size, err_msg=part)
     loop = np.linalg.norm(settled.positions - settled.positions[::-1], axis=1).max()
     assert loop > 100 * AGREE if "pulley_friction" in changes else loop < AGREE
     assert all(cdpr.compare(*both).agrees for both in zip(solved, settled, strict=True))
