@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from test_any_cable_physics import DRIVE_LINES, LAW, LIGHT, MIXED, UP
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.controller import Reference
@@ -14,6 +13,19 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.mjcf import settling_air
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
 from cdpr_sim.physics.sagging.settle_chains import at_rest
+
+LAW = (100.0, 2e4)
+LIGHT = {"linear_density": 5e-4, "pulley_radius": 0.01}
+UP = (0.0, 0.0, 1.0)
+
+MIXED = {
+    "linear_density": [0.064, 0.0, 0.064, 0.064, 0.0, 0.064, 0.0, 0.03],
+    "pulley_radius": [0.1, 0.1, 0.0, 0.05, 0.0, 0.1, 0.1, 0.0],
+    "stiffening": [LAW, LAW, LAW, (0, 0), (0, 0), (0, 0), (0, 0), (0, 0)],
+}
+"""Each of the eight kinds of cable once."""
+
+DRIVE_LINES = {"winch_to_exit": [6.0, 0.0, 3.0, 0.0, 2.0, 0.0, 0.0, 1.0], "reeving": [1, 2] * 4}
 
 RESTS = 1e-9
 """[m] Between a platform that has come to rest after its chains were wound, and statics: 1e-10 m measured."""

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.errors import InvalidInput
+import cdpr_sim as cdpr
 from cdpr_sim.core.pose import tilt_of_matrices
-from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
-from cdpr_sim.physics.settle import settle
-from cdpr_sim.robots.catalogue import PAPER_ROBOTS, list_robots, load_robot
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 
 ROUNDING = 1e-15
 """MuJoCo diagonalises a full inertia [kg m²] and composes frames [m]: a few rounding errors of numbers below 1."""
@@ -28,7 +25,7 @@ def compiled(text: str, **files: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(text, assets)
 
 
-def any_robot(seed: int, cables: int = 6, mobility: str = "spatial") -> Robot:
+def any_robot(seed: int, cables: int = 6, mobility: str = "spatial") -> cdpr.Robot:
     """A robot whose numbers are no round ones, its centre of mass off the origin."""
     random = np.random.default_rng(seed)
     exits, anchors = random.uniform(-2, 2, (cables, 3)), random.normal(0, 0.1, (cables, 3))
@@ -36,116 +33,109 @@ def any_robot(seed: int, cables: int = 6, mobility: str = "spatial") -> Robot:
     center_of_mass = random.normal(0, 0.02, 3)
     if mobility == "planar":
         exits[:, 1] = anchors[:, 1] = center_of_mass[1] = 0
-    return Robot(
-        exits,
-        anchors,
-        10 ** random.uniform(2, 7, cables),
-        random.uniform(0.1, 10),
-        center_of_mass=center_of_mass,
-        mobility=mobility,  # type: ignore[arg-type]
-        gravity=random.uniform(1, 20),
-        name=f"any-{seed}",
-    )
+    return cdpr.Robot(
+        exits, anchors, 10 ** random.uniform(2, 7, cables), random.uniform(0.1, 10), center_of_mass=center_of_mass,
+        mobility=mobility, gravity=random.uniform(1, 20), name=f"any-{seed}",  # type: ignore[arg-type]
+    )  # fmt: skip
 
+
+LAW = np.zeros((8, 2))
+LAW[2] = 4.0, -2.0
+
+COGIRO = cdpr.load_robot("cogiro")
 
 ROBOTS = [
-    *(load_robot(name) for name in PAPER_ROBOTS),
-    any_robot(1),
-    any_robot(2, cables=3, mobility="planar"),
-]
+    *(cdpr.load_robot(name) for name in PAPER_ROBOTS), any_robot(0, cables=3, mobility="planar"),
+    *(any_robot(cables, cables) for cables in range(1, 11)),
+    COGIRO.replace(stiffening=LAW, name="with a law"),
+]  # fmt: skip
 
 
-def commanded(robot: Robot) -> RigidTransform:
+def commanded(robot: cdpr.Robot) -> RigidTransform:
     """A pose off the middle of the workspace, tilted about y."""
     position = robot.workspace.mean(0) + np.array([0.0123456789, 0, 0.0987654321])
     return RigidTransform.from_components(position, Rotation.from_rotvec([0, 0.1, 0]))
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_numbers_parse_back_to_the_very_same_doubles(robot):
-    """Geometry, mass, inertia, springs, gravity and keyframe in MjModel equal the robot's bit for bit."""
+def test_a_model_has_the_robots_own_numbers_and_nothing_else(robot):
+    """Bit for bit. No tendon has a range, damping, friction or armature; the keyframe is the commanded pose."""
     pose = commanded(robot)
     rest = robot.rest_lengths(pose)
     model = compiled(to_mjcf(robot, pose))
-    platform = model.body("platform")
-    for i in range(robot.cables):
-        np.testing.assert_array_equal(model.site(f"exit_{i + 1}").pos, robot.exits[i])
-        np.testing.assert_array_equal(model.site(f"anchor_{i + 1}").pos, robot.anchors[i])
-    np.testing.assert_array_equal(model.tendon_stiffness, robot.axial_stiffness / rest)
-    np.testing.assert_array_equal(model.tendon_lengthspring[:, 0], 0)
-    np.testing.assert_array_equal(model.tendon_lengthspring[:, 1], rest)
-    np.testing.assert_array_equal(platform.mass, robot.mass)
-    np.testing.assert_array_equal(platform.ipos, robot.center_of_mass)
-    np.testing.assert_array_equal(platform.inertia, np.diag(robot.inertia))
-    np.testing.assert_array_equal(
-        model.geom("platform").size, robot.platform_size / 2
-    )  # MuJoCo's boxes have half sizes
-    np.testing.assert_array_equal(platform.iquat, [1, 0, 0, 0])
-    np.testing.assert_array_equal(model.opt.gravity, [0, 0, -robot.gravity])
-    position = pose.translation[[0, 2]] if robot.mobility == "planar" else pose.translation
-    np.testing.assert_array_equal(model.key("commanded").qpos[: len(position)], position)
-
-
-def test_a_full_inertia_survives_its_diagonalisation():
-    """Principal moments and axes in MjModel compose to the robot's inertia matrix."""
-    inertia = np.array([[4.1e-4, 1e-5, -2e-5], [1e-5, 5.2e-4, 3e-5], [-2e-5, 3e-5, 6.3e-4]])
-    robot = load_robot("cogiro").replace(inertia=inertia)
-    platform = compiled(to_mjcf(robot, commanded(robot))).body("platform")
-    axes = Rotation.from_quat(platform.iquat, scalar_first=True).as_matrix()
-    np.testing.assert_allclose(axes @ np.diag(platform.inertia) @ axes.T, inertia, rtol=0, atol=ROUNDING)
-
-
-@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_the_keyframe_is_the_commanded_pose(robot):
-    """At the keyframe, body and tendon lengths are where rigid cables would put them; planar beta turns about +y."""
-    pose = commanded(robot)
-    model = compiled(to_mjcf(robot, pose))
+    platform, free = model.body("platform"), 2 if robot.mobility == "planar" else 3
+    for found, expected in (
+        ([model.site(f"exit_{i + 1}").pos for i in range(robot.cables)], robot.exits),
+        ([model.site(f"anchor_{i + 1}").pos for i in range(robot.cables)], robot.anchors),
+        (model.tendon_stiffness, robot.axial_stiffness / rest),
+        (
+            model.tendon_stiffnesspoly[:, :2],
+            (robot.axial_stiffness / rest ** np.array([[2], [3]]) * robot.stiffening.T).T,
+        ),
+        (model.tendon_lengthspring, np.stack([0 * rest, rest], 1)),
+        (platform.mass, robot.mass),
+        (platform.ipos, robot.center_of_mass),
+        (platform.inertia, np.diag(robot.inertia)),
+        (platform.iquat, [1, 0, 0, 0]),
+        (model.geom("platform").size, robot.platform_size / 2),  # MuJoCo's boxes have half sizes
+        (model.opt.gravity, [0, 0, -robot.gravity]),
+        (model.key("commanded").qpos[:free], pose.translation[[0, 2] if free == 2 else [0, 1, 2]]),
+        (model.ntendon, robot.cables),
+    ):
+        np.testing.assert_array_equal(found, expected)
+    for attribute in ("limited", "damping", "frictionloss", "armature"):
+        assert not getattr(model, f"tendon_{attribute}").any()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.body("platform").xpos, pose.translation, rtol=0, atol=ROUNDING)
     np.testing.assert_allclose(data.body("platform").xmat.reshape(3, 3), pose.rotation.as_matrix(), atol=4 * ROUNDING)
-    np.testing.assert_allclose(data.sensordata, robot.rest_lengths(pose), rtol=4 * ROUNDING)
+    np.testing.assert_allclose(data.sensordata, rest, rtol=4 * ROUNDING)
     np.testing.assert_array_equal(data.sensordata, data.ten_length)
-
-
-@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_cables_are_springs_and_nothing_else(robot):
-    """No tendon has a range, damping, friction or armature, each of which would move or fake the rest pose."""
-    model = compiled(to_mjcf(robot, commanded(robot)))
-    assert model.ntendon == robot.cables
-    for attribute in ("limited", "damping", "frictionloss", "armature"):
-        assert not getattr(model, f"tendon_{attribute}").any()
-
-
-@pytest.mark.parametrize("name", ["cogiro", "planar-vertical"])
-def test_what_is_drawn_weighs_nothing(name):
-    """Wheels neither, so that the model may hang on a body that moves; those that swivel weigh a millionth."""
-    robot = load_robot(name).replace(pulley_radius=0.05, pulley_axis=(0, 0, 1))
-    masses = compiled(to_mjcf(robot, commanded(robot))).body_mass
-    assert masses.sum() == pytest.approx(robot.mass, rel=1e-5)
-
-
-@pytest.mark.parametrize("cables", range(1, 11))
-def test_any_number_of_cables_makes_a_model_that_steps_without_a_warning(cables):
-    """From 1 to 10 cables, the model compiles and steps, and MuJoCo has nothing to say."""
-    robot = any_robot(cables, cables=cables)
-    model = compiled(to_mjcf(robot, commanded(robot)))
-    data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
     assert np.isfinite(data.qpos).all()
     assert not any(warning.number for warning in data.warning)
 
 
-@pytest.mark.parametrize("name", list_robots())
+def test_a_full_inertia_survives_its_diagonalisation():
+    """Principal moments and axes in MjModel compose to the robot's inertia matrix."""
+    inertia = np.array([[4.1e-4, 1e-5, -2e-5], [1e-5, 5.2e-4, 3e-5], [-2e-5, 3e-5, 6.3e-4]])
+    platform = compiled(to_mjcf(COGIRO.replace(inertia=inertia), commanded(COGIRO))).body("platform")
+    axes = Rotation.from_quat(platform.iquat, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(axes @ np.diag(platform.inertia) @ axes.T, inertia, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize(("name", "swivels"), [("cogiro", 8), ("planar-vertical", 0)])
+def test_wheels_are_drawn_where_tendons_wrap_and_weigh_nothing(name, swivels):
+    """So that the model may hang on a body that moves; those that swivel weigh a millionth; planar ones do not."""
+    robot = cdpr.load_robot(name).replace(pulley_radius=0.05, pulley_axis=(0, 0, 1))
+    text = to_mjcf(robot, commanded(robot))
+    model = compiled(scene_mjcf(robot), robot=text)
+    assert compiled(text).body_mass.sum() == pytest.approx(robot.mass, rel=1e-5)
+    assert model.nv == len(robot.free) + swivels
+    for i in range(1, robot.cables + 1):
+        wheel, groove = model.geom(f"wheel_{i}"), model.geom(f"groove_{i}")
+        assert wheel.size[0] == groove.size[0] == 0.05
+        np.testing.assert_allclose(wheel.pos, groove.pos, atol=ROUNDING)
+        assert (wheel.group[0], groove.group[0]) == (2, 4)
+
+
+@pytest.mark.parametrize("name", cdpr.list_robots())
 def test_the_scene_changes_the_picture_and_not_the_physics(name):
-    """Frame, floor and lights add no mass, no joint and no contact, even with the platform in the floor."""
-    robot = load_robot(name)
+    """Frame, floor and lights add no mass, no joint and no contact, even with the platform in the floor.
+
+    Alone and in its scene, the robot moves the same to the last bit.
+    """
+    robot = cdpr.load_robot(name)
     text = to_mjcf(robot, commanded(robot))
     alone, scene = compiled(text), compiled(scene_mjcf(robot), robot=text)
     assert (scene.nq, scene.nv, scene.ntendon, scene.nbody) == (alone.nq, alone.nv, alone.ntendon, alone.nbody)
     np.testing.assert_array_equal(scene.body_mass, alone.body_mass)
     np.testing.assert_array_equal(scene.body_inertia, alone.body_inertia)
+    moved = [mujoco.MjData(alone), mujoco.MjData(scene)]
+    for model, data in zip((alone, scene), moved, strict=True):
+        mujoco.mj_step(model, data, 300)
+    np.testing.assert_array_equal(moved[0].qpos, moved[1].qpos)
     data = mujoco.MjData(scene)
     data.qpos[1 if robot.mobility == "planar" else 2] = robot.frame[0, 2]
     mujoco.mj_forward(scene, data)
@@ -156,8 +146,7 @@ def test_the_scene_changes_the_picture_and_not_the_physics(name):
 @pytest.mark.parametrize("scale", [0.01, 1.0, 50.0])
 def test_cameras_frame_the_robot_whatever_its_size(camera, scale):
     """Every corner of the frame is in the picture; from half as far it would not be."""
-    robot = load_robot("cogiro")
-    robot = Robot(scale * robot.exits, scale * robot.anchors, 1e4, 0.4, frame=scale * robot.frame)
+    robot = cdpr.Robot(scale * COGIRO.exits, scale * COGIRO.anchors, 1e4, 0.4, frame=scale * COGIRO.frame)
     model = compiled(scene_mjcf(robot), robot=to_mjcf(robot, scale * np.array([0.4, 0.25, 0.2])))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -174,35 +163,31 @@ def test_cameras_frame_the_robot_whatever_its_size(camera, scale):
     assert not in_picture(center + 0.5 * (eye - center))
 
 
-@pytest.mark.parametrize("name", PAPER_ROBOTS)
-def test_the_model_as_delivered_comes_to_the_settled_rest(name):
+WHEELS = {"linear_density": 0.064, "pulley_radius": 0.1}
+DELIVERED = [*((name, {}, 20) for name in PAPER_ROBOTS), ("cogiro-crane", WHEELS, 10)]
+
+
+@pytest.mark.parametrize(("name", "changes", "seconds"), DELIVERED, ids=[name for name, _, _ in DELIVERED])
+def test_the_model_as_delivered_comes_to_the_settled_equilibrium(name, changes, seconds):
     """Just stepped, as in the viewer, the model ends where ``settle`` does: its viscosity moves no equilibrium."""
-    robot = load_robot(name)
+    robot = cdpr.load_robot(name).replace(**changes)
     pose = robot.workspace.mean(0) - np.array([0.2, 0, 0])
     model = compiled(to_mjcf(robot, pose))
     data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, round(20 / model.opt.timestep))
-    rest = settle(robot, pose)
-    up = data.body("platform").xmat.reshape(3, 3)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, round(seconds / model.opt.timestep))
+    rest = cdpr.settle(robot, pose)
+    assert not any(warning.number for warning in data.warning)
     assert np.linalg.norm(data.body("platform").xpos - rest.position) < AT_REST
-    assert abs(tilt_of_matrices(up) - rest.tilt) < AT_REST
+    assert abs(tilt_of_matrices(data.body("platform").xmat.reshape(3, 3)) - rest.tilt) < AT_REST
     assert np.linalg.norm(rest.deviation) > 10 * AT_REST  # it had somewhere to go
 
 
-def test_a_problem_is_written_as_it_is():
-    """A ``Problem`` in place of (robot, pose, rest lengths), alone; its rest lengths are the springs'."""
-    robot = load_robot("cogiro")
-    lengths = 1.01 * robot.rest_lengths(commanded(robot))
-    problem = Problem.of(robot, commanded(robot), lengths)
-    assert to_mjcf(problem) == to_mjcf(robot, commanded(robot), lengths)
+def test_a_problem_is_written_as_it_is(snapshot):
+    """A ``Problem`` in place of (robot, pose, rest lengths); its rest lengths are the springs'; a text to be read."""
+    lengths = 1.01 * COGIRO.rest_lengths(commanded(COGIRO))
+    problem = cdpr.Problem.of(COGIRO, commanded(COGIRO), lengths)
+    assert to_mjcf(problem) == to_mjcf(COGIRO, commanded(COGIRO), lengths)
     np.testing.assert_array_equal(compiled(to_mjcf(problem)).tendon_lengthspring[:, 1], lengths)
-    with pytest.raises(InvalidInput, match="rest_lengths: found one beside a Problem"):
-        to_mjcf(problem, rest_lengths=lengths)
-
-
-def test_the_text_is_readable():
-    """Two-space indentation, default classes, names counted from 1."""
-    text = to_mjcf(load_robot("planar-vertical"), [0.3, 0, 0.2])
-    assert '\n    <site name="exit_1" class="exit" pos="0.04 0 0.486" />\n' in text
-    assert '\n      <joint name="beta" type="hinge" axis="0 1 0" />\n' in text
-    assert '<key name="commanded" qpos="0.3 0.2 0" />' in text
+    ropes = dict(stiffening=[(0, 0), (4, -2)], pulley_radius=[0, 0.02], linear_density=[0, 1e-3], winch_to_exit=0.5)
+    snapshot("mjcf/two-cable.xml", to_mjcf(cdpr.load_robot("two-cable").replace(**ropes), [0.3, 0, 0.2]), 1e-9)

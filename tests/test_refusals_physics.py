@@ -1,0 +1,122 @@
+"""What simulation refuses, and what cables cannot be: in one sentence, with the field, what was found and expected."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from test_settle_path import ELEMENTS
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace.feasibility import capacity_margin
+from cdpr_sim.learning.tasks import Task
+
+POSE = (0.3, 0.25, 0.15)
+COGIRO = cdpr.load_robot("cogiro")
+ROPES = COGIRO.replace(hysteresis=ELEMENTS)
+SHORT = cdpr.Problem.of(COGIRO.replace(linear_density=5e-4, pulley_radius=0.03, pulley_axis=(0, 0, 1)), POSE)
+WHEELS = COGIRO.replace(pulley_radius=0.05)
+UNDER = WHEELS.exits[2] - WHEELS.anchors[2] + [0.01, 0.0, -0.3]
+ON_A_WHEEL = cdpr.Robot([[0, 0, 1]], [[0, 0, 0]], 1e3, 1.0, pulley_radius=0.1, platform_size=(0.1, 0.1, 0.1))
+LONG = cdpr.load_robot("ipanema-1").replace(axial_stiffness=1e4, winch_to_exit=500.0, force_max=np.inf)
+TEXT = cdpr.to_mjcf(COGIRO, POSE)
+FALLING = (0.0, -8.0)  # a law that ends at 13.6 N of 100 N
+PLUMB = cdpr.Robot([[0, 0, 2]], [[0, 0, 0]], 100.0, 13.61 / 9.81, stiffening=FALLING, platform_size=(0.1, 0.1, 0.1))
+
+
+def settled_in(text: str, robot: cdpr.Robot, **given) -> cdpr.Equilibrium:
+    return cdpr.settle(robot, POSE, model=mujoco.MjModel.from_xml_string(text), **given)
+
+
+HAS_MEMORY = "^robot: found hysteresis in cable 1, expected"
+TOO_SHORT = r"^rest_lengths: found \S+ m in cable 1, with mass and over a pulley of 0\.03 m, expected at least 0\.\d+ m"
+IS_UNDER = r"anchor of cable 3 inside or below its pulley.s wheel, 0.01 m from the pulley's"
+
+REFUSALS = {
+    "a mass in every row": (
+        lambda: cdpr.settle_many(cdpr.Problems.of(COGIRO, [POSE] * 2, mass=[0.4, 0.5])), "mass: found one per problem",
+    ),
+    "no body for the wrench": (
+        lambda: settled_in(TEXT.replace('<body name="origin" />', ""), COGIRO, external_wrench=[1, 0, 0, 0, 0, 0]),
+        "origin",
+    ),
+    "lengths beside a problem": (
+        lambda: cdpr.to_mjcf(SHORT, rest_lengths=np.ones(8)), "rest_lengths: found one beside a Problem",
+    ),
+    "too light": (
+        lambda: cdpr.settle(COGIRO.replace(linear_density=1e-15), POSE), "linear_density: found 1e-15 kg/m in cable 1",
+    ),
+    "memory: to_mjcf": (lambda: cdpr.to_mjcf(ROPES, POSE), HAS_MEMORY),
+    "memory: drive": (lambda: cdpr.drive(ROPES, [POSE, POSE]), HAS_MEMORY),
+    "memory: release": (lambda: cdpr.release(cdpr.settle(ROPES, POSE)), HAS_MEMORY),
+    "memory: winches": (lambda: cdpr.winch_controls(ROPES, POSE, ROPES.rest_lengths(POSE)), HAS_MEMORY),
+    "memory: a model": (lambda: settled_in(TEXT, ROPES), HAS_MEMORY),
+    "memory: learning": (lambda: Task(ROPES), HAS_MEMORY),
+    "short chain: settle": (lambda: cdpr.settle(SHORT), TOO_SHORT),
+    "short chain: to_mjcf": (lambda: cdpr.to_mjcf(SHORT), TOO_SHORT),
+    "short chain: trajectory": (lambda: cdpr.settle_trajectory(SHORT), TOO_SHORT),
+    "under a wheel: solve": (lambda: cdpr.solve(WHEELS, UNDER), IS_UNDER),
+    "under a wheel: settle": (lambda: cdpr.settle(WHEELS, UNDER), IS_UNDER),
+    "under a wheel: shortfall": (lambda: cdpr.shortfall(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    "under a wheel: feasible": (lambda: cdpr.feasible(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    "under a wheel: closed form": (lambda: cdpr.closed_form_feasible(WHEELS, UNDER, tension_limits=(0, 9)), IS_UNDER),
+    "under a wheel: margin": (lambda: capacity_margin(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    "inside a wheel": (lambda: cdpr.solve(ON_A_WHEEL, (0.1, 0, 0.95)), "anchor of cable 1 inside its pulley's wheel"),
+    "below a wheel": (
+        lambda: cdpr.solve(ON_A_WHEEL, (0.05, 0, 0.2)), "anchor of cable 1 inside or below its pulley's wheel",
+    ),
+    "tension beyond a law": (
+        lambda: PLUMB.rest_lengths((0, 0, 1), [PLUMB.weight]),
+        "tensions: found 13.61 N in cable 1, expected at most 13.6 N",
+    ),
+    "least tension beyond a law": (
+        lambda: cdpr.compensate(
+            COGIRO.replace(axial_stiffness=20.0, stiffening=FALLING), POSE, tensions=(3.0, 9.0)
+        ),
+        "tensions: found a smallest tension of 3 N in cable 1, .* 2.72 N",
+    ),
+    "wound in beyond the exit": (
+        lambda: LONG.rest_lengths(LONG.home, tensions=700.0),
+        r"tensions: found .* N in cable \d, under which the rope between",
+    ),
+    "fitting": (lambda: cdpr.clearances(COGIRO, [POSE], fitting=-1), "fitting: found -1 m"),
+}  # fmt: skip
+"""A call, and words of the sentence."""
+
+FIELDS = [
+    ({"winch_to_exit": -1.0}, "winch_to_exit: found -1 m in cable 1, expected 0 or more"),
+    ({"winch_to_exit": np.nan}, "winch_to_exit: found nan"),
+    ({"winch_to_exit": [1.0, 2.0]}, r"winch_to_exit: found an array of shape \(2,\), expected shape \(8,\)"),
+    ({"winch_to_exit": 1e9}, "winch_to_exit: found 1e"),
+    ({"reeving": 1.5}, "reeving: found 1.5 parts of line in cable 1, expected a whole number from 1 to 100"),
+    ({"reeving": [1, 0] + [1] * 6}, "reeving: found 0 parts of line in cable 2, expected a whole number"),
+    ({"reeving": 1000}, "reeving: found 1000 parts"),
+    ({"reeving": np.nan}, "reeving: found nan"),
+    ({"reeving": [1, 2, 3]}, r"reeving: found an array of shape \(3,\), expected shape \(8,\)"),
+]
+"""Drive lines that cannot be."""
+
+REFUSALS |= {sentence: (lambda change=change: COGIRO.replace(**change), sentence) for change, sentence in FIELDS}
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_it_is_refused_in_one_sentence(case):
+    """With the field, what was found, and what is expected."""
+    ask, sentence = REFUSALS[case]
+    with pytest.raises(cdpr.InvalidInput, match=sentence) as refused:
+        ask()
+    assert "\n" not in str(refused.value)
+
+
+def test_what_is_refused_of_one_problem_is_a_status_of_many_or_no_refusal_elsewhere():
+    """A chain too short for its wheel is no obstacle to statics; a picture has no forces."""
+    found = cdpr.settle_many(cdpr.Problems.stack([SHORT, SHORT]))
+    assert (found.status == cdpr.Status.TOO_SHORT).all()
+    assert np.isnan(found.positions).all()
+    assert cdpr.solve(SHORT).stable
+    assert cdpr.draw(ROPES).axes
+    beside = COGIRO.replace(
+        axial_stiffness=[2.0] * 7 + [1e3], linear_density=[0] * 7 + [5e-3], stiffening=[(8.0, -20.0)] * 7 + [(0, 0)]
+    )
+    with pytest.raises(cdpr.NotSettled, match=r"beyond the range of its nonlinear law \(cables 1, 4\)"):
+        cdpr.settle(beside, (0.3, 0.25, 0.1))
