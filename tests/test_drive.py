@@ -24,9 +24,11 @@ EVERY: dict[str, Any] = {
 CRANE = CRANE.replace(**EVERY)
 """With each of the eight kinds of cable once, and drive lines."""
 
+FROM_BELOW = COGIRO.replace(linear_density=5e-4, pulley_radius=0.01, pulley_axis=(0, 0, 1), stiffening=LAW)
+
 ONE_SIDED = cdpr.Robot(
     exits=[[0, 0, 1], [0, 0.4, 1], [0.1, 0.2, 1.0]], anchors=[[0, -0.05, 0], [0, 0.05, 0], [0.02, 0, 0.02]],
-    axial_stiffness=1e4, mass=1.0, name="one-sided", workspace=[[0, 0, 0.2], [1, 0.4, 0.9]],
+    axial_stiffness=1e4, mass=1.0, name="one-sided",
 )  # fmt: skip
 """Three cables on one side, which cannot hold a platform beside them."""
 
@@ -39,32 +41,37 @@ SLOW: dict[str, tuple[cdpr.Robot, list, dict[str, Any], float, tuple[float, floa
         {"states": 3, "seconds": 200.0}, 0.5, (5e-6, 1e-5)),
     "parallel": (PARALLEL, [LINE[0], [0.25, 0.25, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
     "planar": (PLANAR, [[0.17, 0, 0.1], [0.25, 0, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
+    "from below": (FROM_BELOW, [[0.3, 0.2, 0.15], [0.325, 0.21, 0.16]], {"states": 6, "seconds": 7.5}, 0.5,
+        (2e-6, 4e-6)),
+    "crane, far": (CRANE, [[1.0, 1.0, 2.0], [0.2, 0.3, 1.5]], {"states": 6, "seconds": 20.0}, 1.0, (4e-4, 4e-4)),
     "crane": (CRANE, [[1.0, 1.0, 2.0], [0.925, 0.94, 1.97]], {"states": 6, "seconds": 7.5}, 0.4, (1e-4, 1e-4)),
 }  # fmt: skip
 """Robot, waypoints, arguments, seconds of a fast drive; and by how much a slow one lags behind its equilibria [m, rad].
 
 Measured 9e-8 m and 7e-8 rad for `cogiro`, all of whose cables are taut, and 5e-5 m and 7e-4 rad for `parallel`, which
-swings on two: there the drag, 1e-3 of the weight, leans it by that angle. The crane 2.7e-5 m, and fast 1.3e-2 m; a
-stiffness that stays as at the start puts the platform on fishing line 1e-5 m off at the end."""
+swings on two: there the drag, 1e-3 of the weight, leans it by that angle. The crane 2.7e-5 m, and far 1.3e-4 m. At the
+end all are within a 800th of these; a stiffness that stays as at the start puts the platform on fishing line 1e-5 m off
+there, and weights of all segments that stay the crane 3e-5 m."""
 
 
-def lag(motion: cdpr.Trajectory) -> np.ndarray:
-    """Largest distance [m] and angle [rad] of a motion from the equilibria at its commands."""
+def lags(motion: cdpr.Trajectory) -> np.ndarray:
+    """Distances [m] and angles [rad] of a motion from the equilibria at its commands, (states, 2)."""
     static = cdpr.solve_trajectory(motion)
     turned = motion.poses.rotation * static.poses.rotation.inv()
-    return np.array([np.linalg.norm(motion.positions - static.positions, axis=1).max(), turned.magnitude().max()])
+    return np.stack([np.linalg.norm(motion.positions - static.positions, axis=1), turned.magnitude()], axis=1)
 
 
 @pytest.mark.parametrize("name", SLOW)
 def test_a_slow_drive_passes_through_the_equilibria_and_a_fast_one_does_not(name):
-    """Springs, laws and weights of all cables follow their lengths; tensions are those of statics within a few %."""
+    """Springs, laws and weights of all segments follow the lengths, by metres; at the end it is far nearer."""
     robot, line, words, fast, near = SLOW[name]
     slow = cdpr.drive(robot, line, **words)
-    assert (lag(slow) < near).all()
+    assert (lags(slow) < near).all()
+    assert (lags(slow)[-1] < np.array(near) / 100).all()
     static = cdpr.solve_trajectory(slow)
     np.testing.assert_allclose(slow.tensions, static.tensions, rtol=0.02, atol=0.02 * robot.weight)
     np.testing.assert_allclose(slow.lengths, static.lengths, rtol=0, atol=10 * near[0])
-    assert (lag(cdpr.drive(robot, line, **words | {"seconds": fast})) > 10 * np.array(near)).all()
+    assert (lags(cdpr.drive(robot, line, **words | {"seconds": fast})).max(0) > 10 * np.array(near)).all()
     if name == "crane":
         massless = cdpr.solve_many(robot.replace(linear_density=0.0), slow.commanded)
         assert np.linalg.norm(massless.positions - static.positions, axis=1).max() > 2 * near[0]
@@ -76,8 +83,8 @@ def test_a_slower_drive_lags_less():
     usual = cdpr.drive(PARALLEL, line, states=21)
     slower = cdpr.drive(PARALLEL, line, states=21, seconds=2 * usual.times[-1])
     # The largest lag lies where a cable goes slack, and not quite at the same state: hence not exactly one half.
-    assert 0.35 < lag(slower)[1] / lag(usual)[1] < 0.65
-    assert lag(usual)[1] < 2e-3  # twice the drag, as a fraction of the weight
+    assert 0.35 < lags(slower)[:, 1].max() / lags(usual)[:, 1].max() < 0.65
+    assert lags(usual)[:, 1].max() < 2e-3  # twice the drag, as a fraction of the weight
 
 
 def test_winches_let_out_the_rigid_lengths_of_the_command():
