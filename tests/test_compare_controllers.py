@@ -1,4 +1,4 @@
-"""The comparison of control schemes: tasks are what they are called, and table and figure show what was measured."""
+"""The comparison of control schemes: tasks are what they are called, and tables show what was measured."""
 
 import dataclasses
 import io
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cdpr_sim.core.trajectory import Trajectory
 from studies.controller_comparison import (
     PAUSE,
     RIGID,
@@ -37,17 +36,24 @@ def found() -> tuple[Run, ...]:
     return rigid, feedback, dataclasses.replace(feedback, task=CIRCLE, scheme=RIGID)
 
 
-def test_tasks_are_all_combinations():
-    """Two layouts, two cables, two paths, two speeds; a fifth of the stiffness and 5 mm of one exit are wrong."""
+def printed(table) -> list[str]:
+    """The rows of a table, without more than one space."""
+    console = Console(width=120, file=io.StringIO(), record=True)
+    console.print(table)
+    return [" ".join(line.split()) for line in console.export_text().splitlines()]
+
+
+def test_tasks_are_all_combinations_of_what_they_say():
+    """Two layouts, two cables, two paths, two speeds; a fifth of the stiffness and 5 mm of one exit are wrong.
+
+    The circle of 0.1 m about the middle is level; cables hold the platform of the crossed layout all along its line,
+    that of the parallel one within some 80 mm of the middle: a third of 0.46 m.
+    """
     assert len(set(tasks())) == 16
+    assert list(ROWS) == list(SCHEMES)
     true, wrong = LINE.robot, believed(LINE.robot)
     np.testing.assert_allclose(wrong.axial_stiffness, 0.8 * true.axial_stiffness)
     np.testing.assert_allclose(np.linalg.norm(wrong.exits - true.exits, axis=1), [0.005, *np.zeros(7)], atol=1e-15)
-    assert list(ROWS) == list(SCHEMES)
-
-
-def test_a_circle_is_round_and_closed():
-    """Of 0.1 m about the middle, level; the fastest is what the task says."""
     points = CIRCLE.waypoints
     np.testing.assert_allclose(points[0], points[-1], atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(points[:, :2] - CIRCLE.robot.home[:2], axis=1), 0.1)
@@ -55,10 +61,6 @@ def test_a_circle_is_round_and_closed():
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     assert length == pytest.approx(2 * np.pi * 0.1, rel=1e-3)
     assert 1.875 * length / CIRCLE.seconds == pytest.approx(0.05)
-
-
-def test_where_cables_can_hold_the_platform():
-    """The crossed layout all along, the parallel one within some 80 mm of the middle: a third of 0.46 m."""
     assert held(LINE) == 1.0
     assert held(TrackingTask("parallel", "vectran-0.7mm", "line", 0.5)) == pytest.approx(0.16 / 0.46, abs=0.05)
 
@@ -68,7 +70,7 @@ def test_feedback_pays_and_the_pause_does_not_count(found):
     rigid, feedback, _ = found
     assert rms(feedback.position_errors) < 0.8 * rms(rigid.position_errors)
     assert not feedback.fell
-    motion: Trajectory = rigid.trajectory
+    motion = rigid.trajectory
     assert len(rigid.position_errors) == (motion.times >= PAUSE).sum() < len(motion)
     speeds = np.linalg.norm(np.diff(motion.commanded.translation, axis=0), axis=1) / np.diff(motion.times)
     assert speeds.max() == pytest.approx(0.5, rel=1e-3)
@@ -76,36 +78,23 @@ def test_feedback_pays_and_the_pause_does_not_count(found):
     assert rms(rigid.position_errors) == pytest.approx(np.sqrt((shift**2).mean()))
 
 
-def test_the_table_says_what_was_measured(found):
-    """A row per run under its task, in mm, degrees and newtons."""
-    console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(runs_table(found))
-    text = console.export_text()
+def test_the_tables_say_what_was_measured(found):
+    """A row per run under its task, in mm, degrees and newtons; a column for each kind of rope; who fell is said to."""
+    rows = printed(runs_table(found))
     for one in found:
         errors, tilts = 1e3 * one.position_errors, np.degrees(one.tilts)
         numbers = [rms(errors), errors.max(), rms(tilts), tilts.max(), one.lowest_tension, one.highest_tension]
-        row = f"{one.scheme} {' '.join(f'{number:.2f}' for number in numbers)}"
-        assert row in [" ".join(line.split()) for line in text.splitlines()]
-    assert "cogiro, fishing-0.4mm" in text
-    console.print(summary_table(found))
-    (row,) = (line.split() for line in console.export_text().splitlines() if RIGID_FEEDBACK in line)
+        assert f"{one.scheme} {' '.join(f'{number:.2f}' for number in numbers)}" in rows
+    assert any("cogiro, fishing-0.4mm" in row for row in rows)
+    summary = printed(summary_table(found))
+    (row,) = (line.split() for line in summary if RIGID_FEEDBACK in line)
     assert row[3:] == [f"{1e3 * rms(found[1].position_errors):.1f}", "to", row[3]]
-    assert "line, up to 0.5 m/s" in text
-
-
-def test_the_table_of_ropes_has_a_column_for_each_kind(found):
-    """Of one motion, whose robot has these ropes; a run without a number leaves its cell empty."""
+    assert any("line, up to 0.5 m/s" in row for row in [*rows, *summary])
+    fell = runs_table([found[0], dataclasses.replace(found[1], fell=True)]).columns[0].cells
+    assert [row.strip() for row in fell][-2:] == [RIGID, f"{RIGID_FEEDBACK}, falls"]
     ropes = rope_tasks()
     assert [task.ropes for task in ropes] == list(ROPES)
     assert all(task.robot.cabling.has_memory.all() for task in ropes)
     assert [float(task.robot.pulley_friction[0]) for task in ropes] == [0, 0.02, 0.05, 0, 0]
-    table = ropes_table([dataclasses.replace(found[0], task=ropes[2])])
-    assert [list(column.cells) for column in table.columns][1:4] == [
-        [""], [""], [f"{1e3 * rms(found[0].position_errors):.3f}"]
-    ]  # fmt: skip
-
-
-def test_a_platform_that_fell_is_said_to_have_fallen(found):
-    """And no other."""
-    rows = runs_table([found[0], dataclasses.replace(found[1], fell=True)]).columns[0].cells
-    assert [row.strip() for row in rows][-2:] == [RIGID, f"{RIGID_FEEDBACK}, falls"]
+    columns = ropes_table([dataclasses.replace(found[0], task=ropes[2])]).columns  # other cells are empty
+    assert [[*column.cells] for column in columns][1:4] == [[""], [""], [f"{1e3 * rms(found[0].position_errors):.3f}"]]

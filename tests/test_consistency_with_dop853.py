@@ -1,5 +1,6 @@
 """MuJoCo's platform on moving winches, against SciPy's DOP853: a rigid body on massless elastic cables."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,21 +30,9 @@ LEADING = 0.03
 """Largest error at the first of ``FINE``, as a fraction of the error of a motion that is one step ahead of its winches.
 Measured: 0.006 and 0.014."""
 
-BESIDE = np.array([0.002, 0.001, 0, 0, 0.002, 0.003])
-"""[m, rad] From where a platform is released, which then swings at up to 30 Hz."""
-
-AT_ONCE = 1e3
-"""[m/s] Of winches that move by millimetres within one step."""
-
-SWINGING, SETTING_OFF = 1.0, 0.01
-"""[s] How long it swings, and within what time winches have moved."""
-
-KEPT = 1e-3
-"""Energy that is lost, as a fraction of the largest kinetic energy. Measured: below 1e-4."""
-
-VARIES = 0.03
-"""By how much the energy varies at steps of 2 ms, likewise. Measured: 0.015."""
-
+KEPT, VARIES = 1e-3, 0.03
+"""Energy that is lost in a second, and by which it varies at steps of 2 ms, as fractions of the largest kinetic energy.
+Measured: below 1e-4, and 0.015."""
 
 ROBOT = cdpr.load_robot("ipanema-1").replace(
     pulley_radius=0.0,
@@ -52,28 +41,15 @@ ROBOT = cdpr.load_robot("ipanema-1").replace(
 )
 """IPAnema 1 over points, with its centre of mass and its principal axes away from the anchors' middle and axes."""
 
+BESIDE = moved(ROBOT.pose(ROBOT.home), np.array([0.002, 0.001, 0, 0, 0.002, 0.003]))
+"""2 mm and 0.2° beside the middle of its workspace, from where it swings at up to 30 Hz."""
+
 
 @dataclass
 class Winches:
-    """Lengths as functions of time alone, of cables that are ``shorter`` than rigid ones by this fraction."""
+    """A controller that lets out lengths by time alone."""
 
-    robot: cdpr.Robot
-    shorter: float
-    uneven: float
-    """[m] By how much they change, each cable by its own share, apart from what moves the platform sideways."""
-
-    def rigid(self, offset: float = 0.0) -> np.ndarray:
-        along = self.robot.home + self.robot.anchors - self.robot.exits + offset * np.array([1, 0.5, 0.2])
-        return np.linalg.norm(along, axis=1)
-
-    def smooth(self, time: float) -> np.ndarray:
-        share, swing = np.sin(np.arange(self.robot.cables) * 2.3 + 0.3), 1 - np.cos(10 * time)
-        return self.rigid(0.02 * swing) * (1 - self.shorter) + self.uneven * share * swing
-
-    def lengths(self, time: float) -> np.ndarray:
-        """Even between two commands at ``RATE``."""
-        whole, part = divmod(time * RATE + 1e-9, 1)
-        return (1 - part) * self.smooth(whole / RATE) + part * self.smooth((whole + 1) / RATE)
+    lengths: Callable[[float], np.ndarray]
 
     def start(self, reference) -> np.ndarray:
         return self.lengths(0.0)
@@ -82,8 +58,29 @@ class Winches:
         return self.lengths(time)
 
 
-def acceleration(robot, y, rest_lengths, damping, cable_damping, springs):
+def winding(shorter: float, uneven: float) -> Winches:
+    """Lengths that are ``shorter`` than rigid ones by a fraction and swing, each cable by its own share of ``uneven``.
+
+    Even between two commands at ``RATE``.
+    """
+    share = np.sin(np.arange(ROBOT.cables) * 2.3 + 0.3)
+
+    def smooth(time: float) -> np.ndarray:
+        swing = 1 - np.cos(10 * time)
+        return ROBOT.rest_lengths(ROBOT.home + 0.02 * swing * np.array([1, 0.5, 0.2])) * (1 - shorter) + (
+            uneven * share * swing
+        )
+
+    def lengths(time: float) -> np.ndarray:
+        whole, part = divmod(time * RATE + 1e-9, 1)
+        return (1 - part) * smooth(whole / RATE) + part * smooth((whole + 1) / RATE)
+
+    return Winches(lengths)
+
+
+def acceleration(y, rest_lengths, damping, cable_damping, springs):
     """Newton's and Euler's equations about the platform's origin; y: position, quaternion, velocity, body's spin."""
+    robot = ROBOT
     R, v, spin = Rotation.from_quat(y[3:7]).as_matrix(), y[7:10], y[10:]
     arms = robot.anchors @ R.T
     along = robot.exits - y[:3] - arms
@@ -104,17 +101,16 @@ def acceleration(robot, y, rest_lengths, damping, cable_damping, springs):
 
 def reference(winches, start, damping, cable_damping):
     """Positions and rotations at each command, (rows, 3) and (rows, 3, 3)."""
-    robot = winches.robot
-    springs = robot.axial_stiffness / winches.rigid()
-    damping *= 2 * np.sqrt(robot.gravity / winches.rigid().mean())  # of critical, of a pendulum as long as the cables
+    rigid = ROBOT.rest_lengths(ROBOT.home)
+    springs = ROBOT.axial_stiffness / rigid
+    damping *= 2 * np.sqrt(ROBOT.gravity / rigid.mean())  # of critical, of a pendulum as long as the cables
 
     def slope(time, y):
         spin = y[10:]
         turn = Rotation.from_quat(y[3:7]).as_quat()
         turning = 0.5 * np.append(turn[3] * spin + np.cross(turn[:3], spin), -turn[:3] @ spin)
-        return np.concatenate(
-            [y[7:10], turning, acceleration(robot, y, winches.lengths(time), damping, cable_damping, springs)]
-        )
+        forced = acceleration(y, winches.lengths(time), damping, cable_damping, springs)
+        return np.concatenate([y[7:10], turning, forced])
 
     states = [np.concatenate([start.translation, start.rotation.as_quat(), np.zeros(6)])]
     for tick in range(round(SECONDS * RATE)):  # where the winches' speed changes the integration begins anew
@@ -126,17 +122,13 @@ def reference(winches, start, damping, cable_damping):
 
 @pytest.mark.parametrize(
     ("winches", "slack", "damping", "cable_damping"),
-    [(Winches(ROBOT, 0.005, 0.0), False, 0.0, 0.0), (Winches(ROBOT, 0.002, 0.03), True, 0.05, 2.5e-4)],
+    [(winding(0.005, 0.0), False, 0.0, 0.0), (winding(0.002, 0.03), True, 0.05, 2.5e-4)],
     ids=["taut, undamped", "slack in turns, damped"],
 )
 def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winches, slack, damping, cable_damping):
     """Half the step, a quarter of the error; the error of a motion that leads its winches by one step is far larger."""
-
-    def track(rate: float) -> cdpr.Trajectory:
-        words = {"damping": damping, "cable_damping": cable_damping}
-        return cdpr.track(ROBOT, [ROBOT.home], winches, seconds=SECONDS, rate=rate, **words)
-
-    motions = [track(rate) for rate in (RATE, *FINE)]
+    words = {"damping": damping, "cable_damping": cable_damping, "seconds": SECONDS}
+    motions = [cdpr.track(ROBOT, [ROBOT.home], winches, rate=rate, **words) for rate in (RATE, *FINE)]
     positions, rotations = reference(winches, motions[0].poses[0], damping, cable_damping)
     way = np.linalg.norm(positions - positions[0], axis=1).max()
     assert way > 0.02
@@ -155,38 +147,28 @@ def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winche
 
 def energies(motion: cdpr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     """Kinetic energy, and all of it [J], at each state but the ends of a motion with a state for each step."""
-    robot, step = motion.robot, motion.times[1]
-    center = motion.positions + motion.rotations @ robot.center_of_mass
+    step, center = motion.times[1], motion.positions + motion.rotations @ ROBOT.center_of_mass
     velocity = (center[2:] - center[:-2]) / (2 * step)
     between = Rotation.from_matrix(motion.rotations[:-1].swapaxes(1, 2) @ motion.rotations[1:]).as_rotvec() / step
     spin = (between[1:] + between[:-1]) / 2
-    kinetic = 0.5 * robot.mass * (velocity**2).sum(1) + 0.5 * np.einsum("ni,ij,nj->n", spin, robot.inertia, spin)
+    kinetic = 0.5 * ROBOT.mass * (velocity**2).sum(1) + 0.5 * np.einsum("ni,ij,nj->n", spin, ROBOT.inertia, spin)
     stretch = np.maximum(motion.lengths - motion.rest_lengths, 0)
-    potential = (0.5 * robot.axial_stiffness / motion.rest_lengths * stretch**2).sum(1) + robot.weight * center[:, 2]
+    potential = (0.5 * ROBOT.axial_stiffness / motion.rest_lengths * stretch**2).sum(1) + ROBOT.weight * center[:, 2]
     return kinetic, kinetic + potential[1:-1]
 
 
-@dataclass
-class Released:
-    """From rest 2 mm and 0.2° beside its place, where winches then hold still; they get there in no time."""
-
-    robot: cdpr.Robot
-    shorter: float = 0.005
-
-    def start(self, reference) -> np.ndarray:
-        return self.robot.rest_lengths(moved(reference.pose(0), BESIDE)) * (1 - self.shorter)
-
-    def command(self, time, pose, measurement) -> np.ndarray:
-        return self.robot.rest_lengths(pose) * (1 - self.shorter)
-
-
 def test_an_undamped_platform_keeps_its_energy():
-    """None is lost or gained; within a swing it varies by the square of the step. Damped cables are seen to lose it."""
+    """None is lost or gained; within a swing it varies by the square of the step. Damped cables are seen to lose it.
+
+    It is released beside its place, where the winches get within no time.
+    """
+    lengths = [0.995 * ROBOT.rest_lengths(pose) for pose in (BESIDE, ROBOT.home)]
+    winches = Winches(lambda time: lengths[time > 0])
 
     def swing(rate: float, cable_damping: float) -> tuple[float, float]:
-        words = {"winch_speed": AT_ONCE, "damping": 0.0, "cable_damping": cable_damping}
-        motion = cdpr.track(ROBOT, [ROBOT.home], Released(ROBOT), seconds=SWINGING, rate=rate, **words)
-        kinetic, energy = (values[round(SETTING_OFF * rate) :] for values in energies(motion))
+        words = {"winch_speed": 1e3, "damping": 0.0, "cable_damping": cable_damping, "seconds": 1.0}
+        motion = cdpr.track(ROBOT, [ROBOT.home], winches, rate=rate, **words)
+        kinetic, energy = (values[round(0.01 * rate) :] for values in energies(motion))
         tenth = len(energy) // 10
         lost = energy[:tenth].mean() - energy[-tenth:].mean()
         return float(lost / kinetic.max()), float(np.ptp(energy) / kinetic.max())

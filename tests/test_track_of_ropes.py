@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
+from test_track import ByTime
 
 import cdpr_sim as cdpr
-from cdpr_sim.physics.rope_motion import RopeMotion
 
 SHARE, WIDTH, FRICTION, BEHIND = 0.2, 0.3, 0.05, 0.5
 HYSTERESIS = {"hysteresis": [(SHARE, np.inf, WIDTH)]}
@@ -40,20 +39,6 @@ WEIGHT, LENGTH, STIFFNESS = 9.81, 2.0, 1e4
 """[N], [m], [N] Load, rest length and EA of the plumb cable."""
 
 
-@dataclass
-class Winding:
-    """Winches that hold the rigid lengths of the poses at each time."""
-
-    robot: cdpr.Robot
-    pose: Callable[[float], np.ndarray]
-
-    def start(self, reference: cdpr.Reference) -> np.ndarray:
-        return self.robot.rest_lengths(self.pose(0.0))
-
-    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> np.ndarray:
-        return self.robot.rest_lengths(self.pose(time))
-
-
 def swung(first: float, seconds: float) -> Callable[[float], np.ndarray]:
     """There, back and there again along 46 mm of the paper's line, smoothly; then at rest."""
     return lambda time: np.array([first - 0.023 * (1 - np.cos(3 * np.pi * min(time / seconds, 1.0))), 0.25, 0.1])
@@ -61,7 +46,8 @@ def swung(first: float, seconds: float) -> Callable[[float], np.ndarray]:
 
 def moved(robot: cdpr.Robot, first: float, seconds: float, rest: float, **options) -> cdpr.Trajectory:
     poses = swung(first, seconds)
-    return cdpr.track(robot, [poses(0.0)], Winding(robot, poses), seconds=seconds + rest, **options)
+    winches = ByTime(lambda time: robot.rest_lengths(poses(time)), robot.rest_lengths(poses(0.0)))
+    return cdpr.track(robot, [poses(0.0)], winches, seconds=seconds + rest, **options)
 
 
 def pulled(motion: cdpr.Trajectory, width: float) -> np.ndarray:
@@ -131,25 +117,17 @@ def plumb(**changes) -> cdpr.Robot:
     return cdpr.Robot(**given | changes)
 
 
-@dataclass
-class Once:
-    """Winches that rest on one command, and from the first one on follow another."""
-
-    first: np.ndarray
-    then: cdpr.Command | np.ndarray
-
-    def start(self, reference: cdpr.Reference) -> np.ndarray:
-        return self.first
-
-    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> cdpr.Command | np.ndarray:
-        return self.then
+def pulling(tension: Callable[[float], float]) -> ByTime:
+    """A winch that holds a tension after the plumb cable's length."""
+    first, held = np.array([LENGTH]), np.array([True])
+    return ByTime(lambda time: cdpr.Command(first, np.array([tension(time)]), held), first)
 
 
 def test_an_undamped_oscillation_ends_at_the_yield_and_gains_no_energy():
     """Within the yield an element is elastic, so that the amplitude goes to it; each loop beyond loses energy."""
     strain, share = 5e-5, 0.3
     robot = plumb(hysteresis=[(share, strain)])
-    away = Once(np.array([LENGTH]), np.array([LENGTH - 2.5e-4]))
+    away = ByTime(lambda time: np.array([LENGTH - 2.5e-4]), np.array([LENGTH]))
     options: dict[str, Any] = dict(rate=1000.0, winch_speed=1e3, damping=0.0, cable_damping=0.0)
     motion = cdpr.track(robot, [[0, 0, 1.0]], away, seconds=0.9, **options)
     e, rest = motion.lengths[:, 0] - motion.rest_lengths[:, 0], motion.rest_lengths[-1, 0]
@@ -169,8 +147,7 @@ def test_a_held_tension_arrives_less_or_more_friction(behind):
     robot, rho = plumb(pulley_friction=c, winch_to_exit=behind), (1 + c / 2) / (1 - c / 2)
 
     def under(tension: float) -> cdpr.Trajectory:
-        command = cdpr.Command(np.array([LENGTH]), np.array([tension]), np.array([True]))
-        return cdpr.track(robot, [[0, 0, 1.0]], Once(np.array([LENGTH]), command), seconds=0.15, damping=0.0)
+        return cdpr.track(robot, [[0, 0, 1.0]], pulling(lambda time: tension), seconds=0.15, damping=0.0)
 
     for tension in (0.95 * WEIGHT, 1.05 * WEIGHT):
         still = under(tension)
@@ -188,18 +165,15 @@ def test_a_held_tension_arrives_less_or_more_friction(behind):
 
 def test_a_held_tension_moves_the_memory_of_its_rope():
     """A rope that is pulled with 9 N after 2 N, and again after 12 N, is then stretched further, by its loop."""
-    robot = plumb(hysteresis=[(0.3, np.inf, 0.5)], creep=[(4e4, 1e3)])
-    state = RopeMotion(robot, cdpr.settle_path(robot, [[0, 0, 1.0]], [[LENGTH]]).memory[None])
-    lengths, found = np.array([LENGTH]), []
-    for tension in (2.0, 9.0, 12.0, 9.0):
-        now = state.under(lengths, np.array([tension]), 0.0)
-        np.testing.assert_allclose(now.pulls, tension, rtol=1e-12)
-        held = state.at(lengths, now.rest_lengths, 0.0)
-        np.testing.assert_allclose(held.pulls, tension, rtol=1e-9)
-        np.testing.assert_allclose(held.memory.strains, now.memory.strains, rtol=1e-6)
-        state.memory = now.memory
-        found.append(now.rest_lengths[0])
-    assert found[3] - found[1] < -1e-5
+    robot, tensions = plumb(hysteresis=[(0.3, np.inf, 0.5)], creep=[(4e4, 1e3)]), np.array([2.0, 9.0, 12.0, 9.0])
+    winches = pulling(lambda time: tensions[round(100 * time) - 1])
+    motion = cdpr.track(robot, [[0, 0, 1.0]], winches, seconds=0.04, damping=0.0, cable_damping=0.0)
+    np.testing.assert_allclose(motion.tensions[1:, 0], tensions, rtol=1e-9)
+    strains = (motion.lengths / motion.rest_lengths - 1)[1:, 0]
+    assert strains[3] - strains[1] > 5e-6
+    elastic = cdpr.track(plumb(), [[0, 0, 1.0]], winches, seconds=0.04, damping=0.0, cable_damping=0.0)
+    strains = (elastic.lengths / elastic.rest_lengths - 1)[1:, 0]
+    np.testing.assert_allclose(strains, tensions / STIFFNESS, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ SAGGING = """\
   weights by `xfrc_applied`, and 5e-7 m are left. `tension_i` is the mean along the cable, `length_i` the
   chord.
 """
-"""For robots with such cables. ``tests/test_winches_with_mass.py`` measures such numbers."""
+"""For robots with such cables. ``tests/test_winches.py`` measures such numbers."""
 
 CUT_LOOSE = 0.5
 """[s] Time after which a README says how fast a free platform falls."""
