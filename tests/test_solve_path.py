@@ -321,7 +321,7 @@ REFUSED = {
     "certify_all": lambda robot: cdpr.certify_all(robot, robot.rest_lengths(robot.home)),
     "find_layout": lambda robot: cdpr.find_layout(robot, [robot.home], move="exits", within=0.01),
 }
-"""Beside those of ``test_every_answer.py``."""
+"""Beside those of ``test_matrix.py``."""
 
 
 @pytest.mark.parametrize("answer", REFUSED)

@@ -8,9 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from inputs import run
 from sample_problems import VARIED
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
