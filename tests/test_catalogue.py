@@ -6,22 +6,6 @@ import pytest
 import cdpr_sim as cdpr
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 
-MINE = """
-name = "mine"
-axial_stiffness = 2000.0
-[platform]
-mass = 1.5
-size = [0.2, 0.1, 0.1]
-[[cables]]
-exit = [0, 0, 1]
-anchor = [0, 0, 0.05]
-[[cables]]
-exit = [1, 0, 1]
-anchor = [0.1, 0, 0.05]
-material = "fishing-0.4mm"
-"""
-
-
 TABLE_II = {
     "cogiro": """
         A1 .08 .04 .485  B1  .04   -.03   .018      A5 .72 .46 .485  B5 -.04    .03   .018
@@ -102,57 +86,3 @@ def test_demobot_is_the_papers(catalogue):
         assert (robot.axial_stiffness == 10e3).all()
     for name in TABLE_II:
         np.testing.assert_array_equal(catalogue[name].frame, [[0, 0, 0], [0.8, 0.5, 0.5]])
-
-
-def test_robot_of_ones_own_is_read_from_a_file(tmp_path):
-    """A cable's own material goes before the robot's stiffness."""
-    file = tmp_path / "mine.toml"
-    file.write_text(MINE)
-    robot = cdpr.load_robot(file)
-    assert robot.name == "mine"
-    np.testing.assert_array_equal(robot.axial_stiffness, [2000.0, 1000.0])
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (("mass = 1.5", "mass = 'heavy'"), "platform.mass: found 'heavy'"),
-        (("mass = 1.5", "mass = '1.5'"), "platform.mass: found '1.5', expected a number"),
-        (("mass = 1.5", "mass = true"), "platform.mass: found True, expected a number"),
-        (("mass = 1.5", "mas = 1.5"), "platform.mas: unknown key, did you mean 'mass'"),
-        (("mass = 1.5", "mass = nan"), "platform.mass: found nan"),
-        (("mass = 1.5", "mass = -1.5"), "mass: found -1.5 kg, expected more than 0"),
-        (("exit = [0, 0, 1]", "exit = [0, 0]"), "cable 1: exit.z: missing"),
-        (("exit = [0, 0, 1]\n", ""), "cable 1: exit: missing"),
-        (("name =", "name"), "is not TOML"),
-        (("axial_stiffness = 2000.0", ""), "cable 1: found neither material nor axial_stiffness"),
-        (("fishing-0.4mm", "fishing"), "unknown material 'fishing': did you mean fishing-0.4mm"),
-        (("exit = [0, 0, 1]", "exit = [0, 0, 1]\ncolour = 1"), "cable 1: colour: unknown key"),
-    ],
-)
-def test_wrong_file_is_refused_with_the_path_inside_it(tmp_path, change, words):
-    """The message names the file, the key, what was found and what is expected."""
-    file = tmp_path / "mine.toml"
-    assert change[0] in MINE
-    file.write_text(MINE.replace(*change))
-    with pytest.raises(cdpr.RobotFileError, match=words) as error:
-        cdpr.load_robot(file)
-    assert str(error.value).startswith(str(file))
-    assert "\n" not in str(error.value)
-
-
-def test_missing_file_and_unknown_name_are_told_apart(tmp_path, monkeypatch):
-    """A path is looked up as a file; a name in the catalogue, and a file that is called so is named."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(cdpr.RobotFileError, match="no such file"):
-        cdpr.load_robot("nowhere.toml")
-    with pytest.raises(cdpr.UnknownName, match="did you mean parallel"):
-        cdpr.load_robot("paralel")
-    with pytest.raises(cdpr.UnknownName, match=r"did you mean cogiro\b"):
-        cdpr.load_robot("COGIRO")
-    (tmp_path / "six.toml").write_text(MINE)
-    with pytest.raises(cdpr.UnknownName, match=r"unknown robot 'six': did you mean six\.toml\? known: acrobot"):
-        cdpr.load_robot("six")
-    for name in ("x" * 10_000, "a\0b", "\ud800"):  # no names of files
-        with pytest.raises(cdpr.UnknownName, match="unknown robot"):
-            cdpr.load_robot(name)

@@ -12,8 +12,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from inputs import run
 from PIL import Image
-from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import distance

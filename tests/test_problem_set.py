@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from inputs import run
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_cli_answers import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.studies import problem_set, score

@@ -10,9 +10,9 @@ from decimal import ROUND_FLOOR
 import numpy as np
 import oracle
 import pytest
+from inputs import row, run
 from sample_problems import garage_crane, symmetric_pair
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_cli_answers import row, run
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import Pose

@@ -12,8 +12,10 @@ import mujoco
 import numpy as np
 import pytest
 from inputs import FILES, changed, robot_file, run
+from test_matrix import MEMORY, ROWS
 
 import cdpr_sim as cdpr
+from cdpr_sim import cli
 from cdpr_sim.core import compiling
 from cdpr_sim.core.extras import LIBRARIES
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
@@ -291,7 +293,7 @@ PATH = "--waypoint 0.3 0.2 0.1 --waypoint 0.4 0.2 0.1"
 ALONG = "--line 0.17 0.25 0.1 0.63 0.25 0.1"
 PROBLEMS = FILES.parents[1] / "problems"
 DESIGN = f"design cogiro {ALONG} --points 4 --generations 1"
-MEMORY = "robot: found pulley_friction and hysteresis and creep in cable 1, "
+MEMORY_WORDS = "robot: found pulley_friction and hysteresis and creep in cable 1, "
 
 COMMANDS = [
     ("settle paralel", "unknown robot 'paralel': did you mean parallel?"),
@@ -384,13 +386,46 @@ COMMANDS = [
     ("score newton --level highest --problems PROBLEMS", "unknown level"),
     ("score newton --problems nowhere", "expected the folder"),
     ("score nowhere.json --problems PROBLEMS", "nowhere.json"),
-    *((f"{command.replace(' ', ' memory.toml ', 1)}", MEMORY) for command in (
+    *((f"{command.replace(' ', ' memory.toml ', 1)}", MEMORY_WORDS) for command in (
         "compensate ", "sensitivity ", "equilibria ", "design ", "models -o models", "view ", "certify ",
         "front --within 0.01 -o front", "identify measured.csv", "settle --certify", "settle --pretension 5",
         "solve --method fsolve", "check --certify --grid 1 1 1", "equilibria --certify", "video --drop -o v.gif",
         "video --compensate -o v.gif", "video --drive-seconds 1 -o v.gif")),
 ]  # fmt: skip
 """A command, and what its sentence contains, in this order; with the estimate and what to do where there is one."""
+
+
+def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
+    """All public functions and commands are in its lists, those that refuse in the list of those."""
+    page = (PROBLEMS.parent / "docs" / "verification" / "limits.md").read_text().split("- Collisions")[0]
+    accepts, refuses = (
+        set(re.findall(r"`(--[a-z-]+|[a-z_]+)`", part)) for part in page.split("these refuse the robot", 1)
+    )
+    functions = {name for name in cdpr.__all__ if name[0].islower()}
+    answering = {
+        name for row in ROWS.values() if not set().union(*row.refuses) >= MEMORY for name in row.of
+    } & functions
+    refusing = {name for row in ROWS.values() for name in row.of} & functions - answering
+    of_results = {
+        "show",
+        "write_video",
+        "write_figures",
+        "reset",
+        "validate_layout",
+        "verify_compensation",
+        "scene_mjcf",
+    }
+    of_files = {"import_robot", "list_figures", "list_robots", "load_robot", "open_sweep", "read_measurements"}
+    assert answering - of_files <= accepts
+    assert refusing - of_results - of_files - {"scene_mjcf"} <= refuses
+    assert functions - of_results - of_files <= accepts | refuses
+    words = [command.split() for command, sentence in COMMANDS if sentence == MEMORY_WORDS]
+    options = {option for _, _, *given in words for option in given if option.startswith("--")}
+    assert options & refuses == {"--certify", "--pretension", "--drop", "--compensate", "--drive-seconds"}
+    assert {name for name, *_ in words} - {"settle", "solve", "check", "video"} <= refuses
+    without = {"robots", "new", "schema", "import", "figures", "score"}
+    assert set(cli.COMMANDS) - without <= accepts | refuses
+
 
 MISSING = [
     ("certify two-cable", "proof"), ("settle two-cable --certify", "proof"),
@@ -438,10 +473,10 @@ def refused(command: str, words: str) -> None:
 @pytest.mark.parametrize(("command", "words"), COMMANDS, ids=[command for command, _ in COMMANDS])
 def test_a_command_that_cannot_be_is_refused_in_one_sentence_before_any_work(command, words, folder, monkeypatch):
     """In less time than the work takes to begin: nothing is solved, settled or, of ropes with a memory, compiled."""
-    for name in ("solve_many", "settle_many", "drive", "find_equilibria") if words != MEMORY else ():
+    for name in ("solve_many", "settle_many", "drive", "find_equilibria") if words != MEMORY_WORDS else ():
         monkeypatch.setattr(cdpr, name, None)
     monkeypatch.setattr(mujoco.MjModel, "from_xml_string", lambda *given: pytest.fail("it settles"))
-    if words == MEMORY:
+    if words == MEMORY_WORDS:
         monkeypatch.setattr(compiling.Compiled, "compiled", property(lambda kernel: pytest.fail("it computes")))
     began = time.process_time()
     refused(command, words)

@@ -7,8 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from inputs import run
 from scipy.spatial.transform import RigidTransform, Rotation
-from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.physics.winches import hang

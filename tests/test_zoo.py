@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from inputs import run
 from matplotlib import image
-from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.still import stamp_of
