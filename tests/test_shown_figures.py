@@ -255,6 +255,20 @@ def test_names_of_meeting_points_stand_beside_them():
     assert ax.get_legend().get_window_extent().transformed(ax.transData.inverted()).x1 < 0.79
 
 
+@pytest.mark.parametrize("name", ["planar-vertical", "parallel"])
+def test_every_zone_is_named_in_the_legend(name):
+    """Also one that only the stiffer cables have, whose axes have no legend."""
+    zones = [patch for ax in figure(name).axes for patch in ax.patches if str(patch.get_gid()).startswith("zone")]
+    (one,) = [one for ax in figure(name).axes if (one := ax.get_legend()) and "left" in str(one.get_texts()[0])]
+    entries = {text.get_text(): patch for text, patch in zip(one.get_texts(), one.legend_handles, strict=True)}
+    assert len(zones) == 2
+    for zone in zones:
+        count = int(str(zone.get_gid()).split("-")[1])
+        entry = entries[f"{count} cable{'s' * (count > 1)} slack"]
+        assert same_color(entry.get_facecolor(), zone.get_facecolor())
+        assert entry.get_hatch() == zone.get_hatch()
+
+
 def test_a_commanded_pose_is_drawn_over_the_platform_that_hangs_there():
     """Not under it."""
     patches = figure("planar-horizontal").axes[0].patches
