@@ -6,7 +6,6 @@ Nothing in it depends on fonts or on where things are put on the page.
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection, QuadMesh
 from matplotlib.colors import ListedColormap, to_hex
@@ -37,23 +36,17 @@ MOST = 40
 """Numbers that are written one by one; of more, their count, ends, extremes and sum."""
 
 
-def legend(of: Figure | Axes) -> dict[str, Artist]:
-    """What stands before each of its words."""
-    (one,) = of.legends if isinstance(of, Figure) else [of.get_legend()]
-    return dict(zip([text.get_text() for text in one.get_texts()], one.legend_handles, strict=True))
-
-
 def by_gid(of: Figure | Axes) -> dict[str, Line2D]:
-    """Lines that have an id; of those with the same one, the last."""
-    axes = of.axes if isinstance(of, Figure) else [of]
-    return {str(line.get_gid()): line for ax in axes for line in ax.lines if line.get_gid()}
+    """Lines that have an id; of those with the same one, the first."""
+    every = [line for ax in (of.axes if isinstance(of, Figure) else [of]) for line in ax.lines]
+    return {str(line.get_gid()): line for line in reversed(every) if line.get_gid()}
 
 
 def color(value: object) -> str:
     """Its name in ``style``, and how opaque it is where it is not."""
     if isinstance(value, str) and value == "none":
         return "none"
-    word = to_hex(value, keep_alpha=True)  # type: ignore[arg-type]
+    word = to_hex(value, keep_alpha=True)
     if word.endswith("00"):
         return "none"
     return NAMES.get(word[:7], word[:7]) + (f" {int(word[7:], 16) / 255:.2g}" if word[7:] != "ff" else "")
@@ -78,7 +71,7 @@ def described(line: Line2D) -> str:
     """By which a reader tells one series from another."""
     how = []
     if line.get_linestyle() != "None":
-        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-")]  # type: ignore[attr-defined]
+        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-")]
     if line.get_marker() not in ("None", "", None):
         how.append(f"{line.get_marker()} of {color(line.get_mec())} in {color(line.get_mfc())}")
     return ", ".join(how)
@@ -117,9 +110,9 @@ def _mesh(mesh: QuadMesh, ax: Axes) -> str:
 
 def _collection(one: Collection) -> str:
     if isinstance(one, Line3DCollection):
-        points = np.concatenate(one._segments3d)  # type: ignore[attr-defined]
+        points = np.concatenate(one._segments3d)
     elif isinstance(one, Poly3DCollection):
-        points = np.concatenate([*one._faces])  # type: ignore[attr-defined]
+        points = np.concatenate([*one._faces])
     else:
         points = np.concatenate([path.vertices for path in one.get_paths()] or [np.empty((0, 2))])
     kind, shown = type(one).__name__, []
@@ -127,7 +120,7 @@ def _collection(one: Collection) -> str:
         names = list(dict.fromkeys(map(color, colors)))
         shown.append(" ".join(names) if len(names) < 6 else "several")
     if getattr(one, "labelTexts", ()):  # it is cut where they are written
-        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"  # type: ignore[attr-defined]
+        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"
     return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
 
 

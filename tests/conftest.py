@@ -70,7 +70,6 @@ FLOOR = {
     "xarray, dask, distributed, zarr, h5netcdf, filelock": ("test_store.py", "test_sweep.py"),
     "mediapy, imageio-ffmpeg": (
         "test_video.py::test_a_video_decodes_to_the_frames_and_size_asked_for",
-        "test_video.py::test_the_encoder_that_comes_along_is_found",
         "test_video.py::test_an_encoder_that_fails_is_one_sentence",
         "test_video.py::test_show_plays_in_a_notebook",
     ),

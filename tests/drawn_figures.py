@@ -281,7 +281,8 @@ def swept(*robots: str, materials: tuple[str, ...] | None = None, margin: bool =
         if data[name].dtype.kind == "f" and name != "capacity_margin":
             values.flat[3] = np.nan
         data[name] = data[name].copy(data=values > 0 if name == "feasible" else values.astype(data[name].dtype))
-    return data
+    status = np.where(np.isnan(data["tilt"].values), int(cdpr.Status.STALLED), data["status"].values)
+    return data.assign(status=data["status"].copy(data=status.astype(data["status"].dtype)))
 
 
 def thin():

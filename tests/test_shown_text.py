@@ -22,6 +22,7 @@ from unittest.mock import Mock
 import made_up
 import numpy as np
 import pytest
+from drawn_figures import properties
 from made_up import ANGLES, HOSTILE, PLAIN, REAL, SHIFT, SOURCES, agreement, certificate, compensation, equilibrium
 from page_reader import Page
 from rich.console import Console
@@ -55,6 +56,7 @@ from cdpr_sim.report import (
     score_tables,
     workspace_tables,
 )  # fmt: skip
+from studies import real_cable_tables
 from studies.checked_lines import line_table
 
 UNKNOWN = cdpr.NotConverged("stalled [here]", equilibrium())
@@ -168,6 +170,8 @@ OUTPUTS = {
         disagreements=made_up.checked().disagreements * 23)),
         f"all agree: {workspace_tables.all_agree(made_up.checked().dataset)}",
     ],
+    "real cables": lambda: [real_cable_tables.effects_table(effects := properties().effects[5:9]),
+    real_cable_tables.left_out(effects)],
     "score": lambda: [score_tables.score_table(made_up.scores()), score_tables.scores_json(made_up.scores())],
 }  # fmt: skip
 """By name: what a command prints, or a notebook displays; ``dict``: JSON."""

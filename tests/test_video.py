@@ -17,7 +17,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
-import imageio_ffmpeg
 import made_up
 import matplotlib
 import mediapy
@@ -559,13 +558,6 @@ def test_a_film_is_the_same_on_any_number_of_processors(tmp_path, parallel, stat
                 os.sched_setaffinity(0, everywhere)
         films.append(path.read_bytes())
     assert films[0] == films[1]
-
-
-def test_the_encoder_that_comes_along_is_found():
-    """mediapy uses imageio-ffmpeg's program, whatever the machine's PATH holds."""
-    writing._mediapy()
-    assert mediapy.video_is_available()
-    assert Path(imageio_ffmpeg.get_ffmpeg_exe()).is_file()
 
 
 def test_show_plays_in_a_notebook(parallel, monkeypatch):

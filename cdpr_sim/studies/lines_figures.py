@@ -218,16 +218,21 @@ def _width(width: Width, *, rows: int = 1, projection: str | None = None) -> tup
     left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
     poses = [figure.add_subplot(left[i], projection=projection) for i in range(rows)]
     tensions = [figure.add_subplot(place) for place in right]
+    zones_named: dict[str, Patch] = {}
     for ax, line in zip(tensions, width.lines, strict=True):
-        _tensions(ax, line, last=line is width.lines[-1])
+        _tensions(ax, line, zones_named, last=line is width.lines[-1])
     return figure, poses, tensions
 
 
-def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
-    """Tension of each cable over commanded x; cables with equal tensions by symmetry share a line."""
+def _tensions(ax: Axes, line: Line, zones_named: dict[str, Patch], *, last: bool) -> None:
+    """Tension of each cable over commanded x; cables with equal tensions by symmetry share a line.
+
+    The legend of the last axes names the zones of all axes, which ``zones_named`` collects.
+    """
     static, settled, robot = line.static, line.settled, line.robot
     commanded, middle = static.problems.positions[:, 0], robot.frame[:, 0].mean()
     shaded = drawing.draw_zones(ax, zones(static), robot.cables)
+    zones_named.update({str(patch.get_label()): patch for patch in shaded})
     used = {True: 0, False: 0}  # line styles, by side
     handles: list[Line2D] = []
     for group in twins(static):
@@ -248,7 +253,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
     if last:
         ax.set_xlabel("commanded x [m]")
-        legend_below(ax, handles + shaded, 0.24, columns=3)
+        legend_below(ax, [*handles, *(zones_named[label] for label in sorted(zones_named))], 0.24, columns=3)
     else:
         ax.tick_params(labelbottom=False)
 
