@@ -53,7 +53,7 @@ def settle_model(
     ctrl: ArrayLike | None = None,
     ignore: Iterable[str] = (),
     friction: bool = True,
-    steps: int = STEPS,
+    most_steps: int = STEPS,
     seconds: float = 60.0,
     progress: bool = False,
 ) -> ModelEquilibrium:
@@ -69,7 +69,7 @@ def settle_model(
         ctrl: controls, (nu,); default: those of ``data``.
         ignore: names of bodies that are held where they are, with all bodies that hang on them; they touch nothing.
         friction: whether friction within Coulomb's limits holds; otherwise it gives no force, as MuJoCo's at rest.
-        steps: largest number of time steps.
+        most_steps: largest number of time steps.
         seconds: time after which the search ends [s].
         progress: whether to show progress on standard error.
 
@@ -84,7 +84,7 @@ def settle_model(
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData | None, data=data)
     refuse_unless(bool, friction=friction, progress=progress)
-    seconds, steps = positive("seconds", seconds, "s"), whole("steps", steps, 1)
+    seconds, most_steps = positive("seconds", seconds, "s"), whole("most_steps", most_steps, 1)
     refuse_unsupported(model)
     names = (ignore,) if isinstance(ignore, str) else tuple(ignore)
     source = mujoco.MjData(model) if data is None else data
@@ -101,11 +101,11 @@ def settle_model(
     forces.data.act[:] = act
     balance, dofs = Balance(forces, friction), free_dofs(model, names)
     with saying(progress) as say:
-        return _settled(left, balance, dofs, steps, time.monotonic() + seconds, say)
+        return _settled(left, balance, dofs, most_steps, time.monotonic() + seconds, say)
 
 
 def _settled(
-    model: Any, balance: Balance, dofs: np.ndarray, steps: int, deadline: float, say: Callable[[str], None]
+    model: Any, balance: Balance, dofs: np.ndarray, most_steps: int, deadline: float, say: Callable[[str], None]
 ) -> ModelEquilibrium:
     """The equilibrium by both ways."""
     forces, start = balance.forces, np.array(balance.forces.data.qpos)
@@ -130,7 +130,7 @@ def _settled(
         forces.data.qpos[:] = qpos
         ended = Motion(balance, dofs).run(
             tolerance=MOTION_RESIDUAL,
-            steps=steps,
+            steps=most_steps,
             deadline=(time.monotonic() + deadline) / 2,
             report=lambda count: say(f"{count} time steps"),
         )
