@@ -25,6 +25,8 @@ from .analysis.workspace.hull import Hull as Hull
 from .analysis.workspace.hull import workspace_hull as workspace_hull
 from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
+from .anymodel.tendons import TendonTensions as TendonTensions
+from .anymodel.tendons import tendon_tensions as tendon_tensions
 from .control.elastic_lengths import ElasticLengths as ElasticLengths
 from .control.held_tensions import HeldTensions as HeldTensions
 from .control.lengths_and_tensions import LengthsAndTensions as LengthsAndTensions
