@@ -25,6 +25,13 @@ from .analysis.workspace.hull import Hull as Hull
 from .analysis.workspace.hull import workspace_hull as workspace_hull
 from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
+from .anymodel.controls import HoldingControls as HoldingControls
+from .anymodel.controls import holding_controls as holding_controls
+from .anymodel.model_equilibrium import ContactForce as ContactForce
+from .anymodel.model_equilibrium import ModelAgreement as ModelAgreement
+from .anymodel.model_equilibrium import ModelEquilibrium as ModelEquilibrium
+from .anymodel.model_equilibrium import NoRest as NoRest
+from .anymodel.settle_model import settle_model as settle_model
 from .anymodel.tendons import TendonTensions as TendonTensions
 from .anymodel.tendons import tendon_tensions as tendon_tensions
 from .control.elastic_lengths import ElasticLengths as ElasticLengths

@@ -22,8 +22,8 @@ BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
 """Studies that only scripts run: they use the package, which does not know them."""
 
 FOLDERS = (
-    "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "anymodel", "proof",
-    "crosscheck", "drawing", "learning", "studies", "report", "cli",
+    "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "anymodel", "proof", "crosscheck",
+    "drawing", "learning", "studies", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
 
@@ -36,7 +36,6 @@ WALLS = {
     "control": {"core", "statics", "analysis"},
     # the physics side never uses our formulas
     "physics": {"core"},
-    # nor does the equilibrium of any MuJoCo model
     "anymodel": {"core"},
     # a proof uses data alone: neither method's formulas
     "proof": {"core"},

@@ -35,7 +35,7 @@ def joints_of(model: Any, dofs: Int[np.ndarray, " n"]) -> tuple[str, ...]:
 
 
 def movers(model: Any, direction: Float[np.ndarray, " nv"]) -> tuple[str, ...]:
-    """Names of the joints that move most in a direction (each coordinate by the root of its mass), the largest first."""
+    """Names of the joints that move most in a direction (by the roots of the masses), the largest first."""
     size = np.abs(direction) * np.sqrt(model.dof_M0)
     order = [dof for dof in np.argsort(-size) if size[dof] > SHARE * size.max(initial=0)]
     return joints_of(model, np.array(order, dtype=int))
