@@ -27,6 +27,10 @@ from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
 from .anymodel.controls import HoldingControls as HoldingControls
 from .anymodel.controls import holding_controls as holding_controls
+from .anymodel.diagnose import ModelDiagnosis as ModelDiagnosis
+from .anymodel.diagnose import diagnose_model as diagnose_model
+from .anymodel.findings import FindingKind as FindingKind
+from .anymodel.findings import ModelFinding as ModelFinding
 from .anymodel.model_equilibrium import ContactForce as ContactForce
 from .anymodel.model_equilibrium import ModelAgreement as ModelAgreement
 from .anymodel.model_equilibrium import ModelEquilibrium as ModelEquilibrium
