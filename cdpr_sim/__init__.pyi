@@ -27,11 +27,17 @@ from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
 from .anymodel.controls import HoldingControls as HoldingControls
 from .anymodel.controls import holding_controls as holding_controls
+from .anymodel.diagnose import ModelDiagnosis as ModelDiagnosis
+from .anymodel.diagnose import diagnose_model as diagnose_model
+from .anymodel.findings import FindingKind as FindingKind
+from .anymodel.findings import ModelFinding as ModelFinding
 from .anymodel.model_equilibrium import ContactForce as ContactForce
 from .anymodel.model_equilibrium import ModelAgreement as ModelAgreement
 from .anymodel.model_equilibrium import ModelEquilibrium as ModelEquilibrium
 from .anymodel.model_equilibrium import NoRest as NoRest
 from .anymodel.settle_model import settle_model as settle_model
+from .anymodel.tendons import TendonTensions as TendonTensions
+from .anymodel.tendons import tendon_tensions as tendon_tensions
 from .control.elastic_lengths import ElasticLengths as ElasticLengths
 from .control.held_tensions import HeldTensions as HeldTensions
 from .control.lengths_and_tensions import LengthsAndTensions as LengthsAndTensions
