@@ -22,7 +22,7 @@ BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
 """Studies that only scripts run: they use the package, which does not know them."""
 
 FOLDERS = (
-    "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "proof", "crosscheck",
+    "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "anymodel", "proof", "crosscheck",
     "drawing", "learning", "studies", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
@@ -36,6 +36,7 @@ WALLS = {
     "control": {"core", "statics", "analysis"},
     # the physics side never uses our formulas
     "physics": {"core"},
+    "anymodel": {"core"},
     # a proof uses data alone: neither method's formulas
     "proof": {"core"},
     # environments are MuJoCo's dynamics; statics says where they begin
@@ -45,7 +46,9 @@ WALLS = {
 }
 """What these folders may import besides themselves: a folder of this package, or one module of it."""
 
-BEYOND = {(folder, module) for folder in ("physics", "proof") for module in ("core.cable_path", "core.cable_law")}
+BEYOND = {
+    (folder, module) for folder in ("physics", "anymodel", "proof") for module in ("core.cable_path", "core.cable_law")
+}
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo and
 the proof say by their own means."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -193,4 +194,15 @@ class NotConverged(_NoEquilibrium):
 
 
 class NotSettled(_NoEquilibrium):
-    """The platform did not come to rest in MuJoCo."""
+    """A platform or a model did not come to rest in MuJoCo.
+
+    Attributes:
+        case: of ``settle_model``, the ``NoRest`` that says why; None of a robot.
+        joints: of ``settle_model``, the names of the joints that do not come to rest.
+    """
+
+    def __init__(
+        self, reason: str, equilibrium: Any = None, case: enum.Enum | None = None, joints: tuple[str, ...] = ()
+    ) -> None:
+        super().__init__(reason, equilibrium)
+        self.case, self.joints = case, joints

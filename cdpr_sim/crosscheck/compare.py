@@ -21,18 +21,9 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.slack import slack_limits
 from cdpr_sim.core.status import Status
+from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TENSION_TOLERANCE
 from cdpr_sim.physics.settle import residuals_of
 from cdpr_sim.statics import forces
-
-POSITION_TOLERANCE = 1e-6
-"""[m] A thousandth of a millimetre. DemoBot's settled poses are 1e-9 m from the solver's at most
-(``scripts/measure_constants.py``), where a residual of 1e-9 of the weight meets the softest stiffness (a few N/m)."""
-
-ROTATION_TOLERANCE = 1e-5
-"""[rad]"""
-
-TENSION_TOLERANCE = 1e-3
-"""[N]"""
 
 CROSS_TOLERANCE = 1e-5
 """Largest unbalanced force that either method may find at the other's pose, as a fraction of the load (without load, of

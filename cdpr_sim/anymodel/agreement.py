@@ -1,0 +1,70 @@
+"""Agreement of the two ways: of the poses that time steps and Newton's method found."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.model_equilibrium import ModelAgreement
+from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TENSION_TOLERANCE
+
+
+def agreement(
+    forces: RestForces,
+    one: Float[np.ndarray, " nq"],
+    two: Float[np.ndarray, " nq"],
+    neutral: list[Float[np.ndarray, " nv"]],
+    newton_from: str,
+) -> ModelAgreement:
+    """Comparison of two poses; along the neutral directions (of unit mass) of the first they may differ."""
+    errors = _errors(forces, one, two)
+    reasons = _reasons(errors)
+    if reasons and neutral:
+        forces.net(one)
+        directions = np.array(neutral)
+        apart = forces.between(one, two)
+        along = directions.T @ (directions @ (forces.mass() @ apart))
+        there = forces.moved(one, apart - along)
+        others = _errors(forces, one, there)
+        if not _reasons(others):
+            errors, reasons = others, ()
+    return ModelAgreement(not reasons, newton_from, *errors, reasons)
+
+
+def _errors(forces: RestForces, one: np.ndarray, two: np.ndarray) -> tuple[float, float, float]:
+    found = []
+    for qpos in (one, two):
+        forces.net(qpos)
+        data = forces.data
+        found.append((data.xpos.copy(), data.xquat.copy(), _tensions(forces)))
+    (positions, rotations, tensions), (others, turned, pulls) = found
+    position = float(np.linalg.norm(positions - others, axis=1).max(initial=0))
+    cosines = np.abs(np.einsum("ij,ij->i", rotations, turned))
+    signed = np.where(np.einsum("ij,ij->i", rotations, turned)[:, None] < 0, -turned, turned)
+    sines = np.linalg.norm(rotations - signed, axis=1)  # 2 sin(angle / 4)
+    rotation = float(4 * np.arcsin(np.clip(sines / 2, 0, 1)).max(initial=0)) if len(cosines) else 0.0
+    return position, rotation, float(np.abs(tensions - pulls).max(initial=0))
+
+
+def _tensions(forces: RestForces) -> Float[np.ndarray, " tendons"]:
+    """Forces of the tendons' springs, from their lengths."""
+    model, data = forces.model, forces.data
+    low, high = model.tendon_lengthspring[:, 0], model.tendon_lengthspring[:, 1]
+    stretch = np.maximum(data.ten_length - high, 0) + np.minimum(data.ten_length - low, 0)
+    return np.asarray(model.tendon_stiffness * stretch)
+
+
+def _reasons(errors: tuple[float, float, float]) -> tuple[str, ...]:
+    limits = (
+        ("a body's position", POSITION_TOLERANCE, "m"),
+        ("a body's rotation", ROTATION_TOLERANCE, "rad"),
+        ("a tendon's tension", TENSION_TOLERANCE, "N"),
+    )
+    return tuple(
+        f"{what} differs by {error:.1e} {unit} (tolerance {limit:.0e})"
+        for error, (what, limit, unit) in zip(errors, limits, strict=True)
+        if not error <= limit
+    )

@@ -1,0 +1,161 @@
+"""The equilibrium with its evidence, or the refusal with its reason, of the pose where a search ended."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from cdpr_sim.anymodel.agreement import agreement
+from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.friction import SLIDES
+from cdpr_sim.anymodel.judged import Judged, contact_forces, creep_of
+from cdpr_sim.anymodel.model_equilibrium import ModelAgreement, ModelEquilibrium, NoRest
+from cdpr_sim.anymodel.motion import MotionEnd
+from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
+from cdpr_sim.core.checks import frozen
+from cdpr_sim.core.equilibrium import NotSettled, Stability
+
+CREEP_TIME = 0.5
+"""[s] After which creep is measured."""
+
+MOVES = 0.05
+"""[m/s, rad/s] Speed at that time above which the model is not at rest in MuJoCo, whatever friction could hold."""
+
+LOADED = 1e-6
+"""Share of a friction limit above which friction carries load."""
+
+
+def equilibrium_at(
+    model: Any,
+    balance: Balance,
+    qpos: Float[np.ndarray, " nq"],
+    dofs: Int[np.ndarray, " n"],
+    counts: dict[str, int],
+    way: str,
+    by_motion: Float[np.ndarray, " nq"] | None = None,
+    by_newton: Float[np.ndarray, " nq"] | None = None,
+) -> ModelEquilibrium:
+    """The equilibrium at a pose where all forces balance.
+
+    Raises:
+        NotSettled: it moves all the same: friction creeps too fast, or an oscillation grows.
+    """
+    found = _at(model, balance, qpos, dofs, counts, way, by_motion, by_newton)
+    if found.friction_share > LOADED and not found.creep < MOVES:
+        reason = (
+            f"{NoRest.SLIDES.value}: friction could hold, but after 0.5 s it moves at {found.creep:.2g} m/s or rad/s"
+        )
+        raise NotSettled(reason, found, NoRest.SLIDES)
+    if found.growth > 0 and found.stiffness_eigenvalues[0] > 0:
+        reason = f"{NoRest.LIMIT_CYCLE.value}: oscillations grow at {found.growth:.2g} 1/s"
+        raise NotSettled(reason, found, NoRest.LIMIT_CYCLE)
+    return found
+
+
+def _at(
+    model: Any,
+    balance: Balance,
+    qpos: np.ndarray,
+    dofs: np.ndarray,
+    counts: dict[str, int],
+    way: str,
+    by_motion: np.ndarray | None = None,
+    by_newton: np.ndarray | None = None,
+) -> ModelEquilibrium:
+    forces, judged = balance.forces, Judged(balance, qpos, dofs)
+    eigenvalues, neutral = judged.eigenvalues, judged.neutral_directions
+    stability = Stability.NEUTRAL if neutral else Stability.STABLE
+    if judged.unstable_directions:
+        stability = Stability.UNSTABLE
+    compared: ModelAgreement | None = None
+    if by_motion is not None:
+        if by_newton is not None:
+            compared = agreement(forces, qpos, by_newton if way == "motion" else by_motion, neutral, "start")
+        if way == "motion" and (compared is None or not compared.agrees):
+            compared = agreement(forces, qpos, by_motion, neutral, "motion")
+    unbalanced, friction, share = np.zeros(model.nv), np.zeros(model.nv), 0.0
+    for part, state in zip(judged.islands, judged.states, strict=True):
+        unbalanced[part], friction[part] = state.force, state.held.force
+        share = max(share, state.held.largest)
+    ignored = np.ones(model.nv, dtype=bool)
+    ignored[dofs] = False
+    creep = creep_of(forces, model, qpos, ignored, CREEP_TIME)
+    names = tuple(dict.fromkeys(name for one in neutral for name in movers(model, one)))
+    notes = []
+    if share > LOADED:
+        notes.append("friction carries load: the equilibrium depends on the path, and MuJoCo's friction creeps")
+    forces.net(qpos)
+    return ModelEquilibrium(
+        qpos=frozen(np.array(qpos)),
+        act=frozen(np.array(forces.data.act)),
+        ctrl=frozen(np.array(forces.data.ctrl)),
+        tendon_tensions=_tensions(forces.model, forces.data),
+        contact_forces=contact_forces(forces.model, forces.data, judged.states),
+        residual=judged.residual,
+        unbalanced=frozen(unbalanced),
+        friction=frozen(friction),
+        friction_share=share,
+        creep=creep,
+        stiffness_eigenvalues=frozen(eigenvalues),
+        growth=judged.growth,
+        stability=stability,
+        neutral=names,
+        iterations=dict(counts),
+        way=way,
+        agreement=compared,
+        notes=tuple(notes),
+    )
+
+
+def _tensions(model: Any, data: Any) -> Any:
+    try:
+        from cdpr_sim.anymodel import tendons  # type: ignore[attr-defined]
+    except ImportError:
+        return ()
+    return tendons.tendon_tensions(model, data)
+
+
+def refusal(
+    model: Any,
+    balance: Balance,
+    qpos: Float[np.ndarray, " nq"],
+    dofs: Int[np.ndarray, " n"],
+    counts: dict[str, int],
+    ended: MotionEnd,
+) -> NotSettled:
+    """Why a model does not come to rest, with the best pose found."""
+    best = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
+    for trees, case, why in (
+        (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
+        (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
+    ):
+        if trees.any():
+            names = tuple(name_of(model, "body", int(model.tree_bodyadr[tree])) for tree in np.flatnonzero(trees))
+            joints = joints_of(model, np.flatnonzero(trees[model.dof_treeid]))
+            reason = f"{case.value}: {why} body {listed(names)}; ignore={names[0]!r} leaves it out"
+            return NotSettled(reason, best, case, joints)
+    if ended.turning:
+        joints = joints_of(model, np.array([model.jnt_dofadr[joint] for joint in ended.turning]))
+        return NotSettled(f"{NoRest.TURNS.value}: joint {listed(joints)}", best, NoRest.TURNS, joints)
+    judged = Judged(balance, qpos, dofs)
+    for island, (state, found) in enumerate(zip(judged.states, judged.modes, strict=True)):
+        if state.residual <= 1e-8 or not len(found.eigenvalues) or state.held.largest > SLIDES:
+            continue
+        push = found.directions.T @ state.force
+        loose = np.abs(found.eigenvalues) <= found.floor
+        if np.linalg.norm(push[loose]) > 0.5 * np.linalg.norm(push):
+            names = movers(model, judged.spread(island, found.directions[:, loose] @ push[loose]))
+            return NotSettled(f"{NoRest.MECHANISM.value}: joint {listed(names)}", best, NoRest.MECHANISM, names)
+    worst = int(np.argmax([state.residual for state in judged.states]))
+    names = movers(model, judged.spread(worst, judged.states[worst].force / model.dof_M0[judged.islands[worst]]))
+    share = judged.states[worst].held.largest
+    if ended.diverged:
+        return NotSettled(NoRest.DIVERGES.value, best, NoRest.DIVERGES, names)
+    if share > SLIDES:
+        return NotSettled(f"{NoRest.SLIDES.value}: joint {listed(names)}", best, NoRest.SLIDES, names)
+    reason = f"{NoRest.NOT_CONVERGED.value}: {best.residual:.1e} of the largest force remains at joint {listed(names)}"
+    return NotSettled(f"{reason} ({ended.reason})", best, NoRest.NOT_CONVERGED, names)

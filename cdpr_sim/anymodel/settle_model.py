@@ -1,0 +1,154 @@
+"""``settle_model``: static equilibrium of any MuJoCo model, by time steps and by Newton's method."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
+from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.ignored import free_dofs, without
+from cdpr_sim.anymodel.island_newton import newton_by_islands
+from cdpr_sim.anymodel.judged import Judged
+from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
+from cdpr_sim.anymodel.motion import STEPS, Motion
+from cdpr_sim.anymodel.names import listed
+from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
+from cdpr_sim.core.checks import checked_array, positive, refuse_unless, whole
+from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.progress import saying
+
+RESIDUAL = 1e-8
+"""Largest unbalanced force of an equilibrium, as a fraction of the largest part of the forces."""
+
+OF_LOAD = 1e-7
+"""And as a fraction of the largest force of gravity, actuators and applied forces, where there is any."""
+
+MOTION_RESIDUAL = 1e-7
+"""Residual at which time steps end; the last part is Newton's."""
+
+NUDGES = 3
+"""Number of times that a model is pushed off an unstable equilibrium which the motion ended in."""
+
+NUDGE = 0.02
+"""[m, rad] The push."""
+
+SHARE_OF_NEWTON = 0.3
+"""Share of the time that Newton's method from the start may take."""
+
+
+def settle_model(
+    model: Any,
+    data: Any = None,
+    *,
+    ctrl: ArrayLike | None = None,
+    ignore: Iterable[str] = (),
+    friction: bool = True,
+    most_steps: int = STEPS,
+    seconds: float = 60.0,
+    progress: bool = False,
+) -> ModelEquilibrium:
+    """Static equilibrium of a MuJoCo model, near the pose from which it starts.
+
+    Two ways lead to it: time steps with kinetic damping, and Newton's method on the forces at rest. The motion's end
+    is the result, Newton's method from the start the check. A start at which all forces balance is returned as it is.
+
+    Args:
+        model: a ``mujoco.MjModel``.
+        data: a ``mujoco.MjData``: where the motion starts, with controls, activations, applied forces, mocap poses and
+            active equality constraints; default: the model's initial pose, ``qpos0``. It is not changed.
+        ctrl: controls, (nu,); default: those of ``data``.
+        ignore: names of bodies that are held where they are, with all bodies that hang on them; they touch nothing.
+        friction: whether friction within Coulomb's limits holds; otherwise it gives no force, as MuJoCo's at rest.
+        most_steps: largest number of time steps.
+        seconds: time after which the search ends [s].
+        progress: whether to show progress on standard error.
+
+    Returns:
+        The equilibrium, with its forces and the evidence.
+
+    Raises:
+        NotSettled: the model has no equilibrium, or none was found: the sentence names the case and the joint; ``case``
+            and ``joints`` as data, ``equilibrium`` the best pose found.
+        InvalidInput: a wrong argument, or a model with elements whose forces depend on more than pose and controls.
+    """
+    refuse_unless(mujoco.MjModel, model=model)
+    refuse_unless(mujoco.MjData | None, data=data)
+    refuse_unless(bool, friction=friction, progress=progress)
+    seconds, most_steps = positive("seconds", seconds, "s"), whole("most_steps", most_steps, 1)
+    refuse_unsupported(model)
+    names = (ignore,) if isinstance(ignore, str) else tuple(ignore)
+    source = mujoco.MjData(model) if data is None else data
+    if len(source.qpos) != model.nq or len(source.ctrl) != model.nu:
+        raise InvalidInput(f"data: found a pose of {len(source.qpos)} numbers, expected that of the model, {model.nq}")
+    left = without(model, names)
+    forces = RestForces(left, source)
+    if ctrl is not None:
+        forces.data.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))
+    act, growing = activations_at_rest(forces.model, forces.data)
+    if growing:
+        reason = f"{NoRest.DRIVEN.value}: actuator {listed(growing)} integrates its control, which rests only at 0"
+        raise NotSettled(reason, None, NoRest.DRIVEN)
+    forces.data.act[:] = act
+    balance, dofs = Balance(forces, friction), free_dofs(model, names)
+    with saying(progress) as say:
+        return _settled(left, balance, dofs, most_steps, time.monotonic() + seconds, say)
+
+
+def _settled(
+    model: Any, balance: Balance, dofs: np.ndarray, most_steps: int, deadline: float, say: Callable[[str], None]
+) -> ModelEquilibrium:
+    """The equilibrium by both ways."""
+    forces, start = balance.forces, np.array(balance.forces.data.qpos)
+    counts = {"time steps": 0, "newton": 0}
+
+    def rests(qpos: np.ndarray) -> bool:
+        return Judged(balance, qpos, dofs).rests(RESIDUAL, OF_LOAD)
+
+    def newton(qpos: np.ndarray, until: float) -> np.ndarray:
+        say("Newton's method")
+        end, count = newton_by_islands(balance, qpos, dofs, tolerance=RESIDUAL, deadline=until)
+        counts["newton"] += count
+        return end
+
+    if rests(start):
+        return equilibrium_at(model, balance, start, dofs, counts, "start")
+    now = time.monotonic()
+    alone = newton(start, now + SHARE_OF_NEWTON * (deadline - now))
+    alone_rests = rests(alone)
+    qpos, found = start, None
+    for nudge in range(NUDGES + 1):
+        forces.data.qpos[:] = qpos
+        ended = Motion(balance, dofs).run(
+            tolerance=MOTION_RESIDUAL,
+            steps=most_steps,
+            deadline=(time.monotonic() + deadline) / 2,
+            report=lambda count: say(f"{count} time steps"),
+        )
+        counts["time steps"] += ended.steps
+        polished = newton(ended.qpos, deadline)
+        if not rests(polished):
+            break
+        found = polished, ended
+        judged = Judged(balance, polished, dofs)
+        if not judged.unstable_directions or nudge == NUDGES or time.monotonic() > deadline:
+            break
+        push = np.sum(judged.unstable_directions, axis=0)
+        qpos = forces.moved(polished, NUDGE * push / np.abs(push).max())
+    if found is not None:
+        polished, ended = found
+        return equilibrium_at(
+            model, balance, polished, dofs, counts, "motion", ended.qpos, alone if alone_rests else None
+        )
+    if alone_rests:
+        return equilibrium_at(model, balance, alone, dofs, counts, "newton", ended.qpos, alone)
+    raise refusal(model, balance, polished, dofs, counts, ended)

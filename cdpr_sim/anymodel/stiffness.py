@@ -1,0 +1,73 @@
+"""Stiffness of a model at rest, in the tangent space, and its modes in the metric of the masses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import eigh
+
+from cdpr_sim.anymodel.forces import RestForces
+
+STEP = 1e-6
+"""[m, rad] Of central differences: with it, rounding and curvature leave about 1e-9 of the stiffness."""
+
+NEUTRAL = 1e-4
+"""[1/s²] A direction with a smaller squared frequency is neutral: its period is longer than ten minutes."""
+
+ROUNDING = 1e-9
+"""And so is one with less than this fraction of the largest, which the differences do not resolve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Stiffness and its modes, on some degrees of freedom and there on the free directions.
+
+    Attributes:
+        stiffness: -d net / d q, (n, n) [N/m, N m/rad]; not symmetric under follower forces.
+        eigenvalues: of its symmetric part in the metric of the masses, ascending [1/s²].
+        directions: the modes in columns, (n, free), of unit mass.
+        mass: (n, n).
+    """
+
+    stiffness: Float[np.ndarray, "n n"]
+    eigenvalues: Float[np.ndarray, " free"]
+    directions: Float[np.ndarray, "n free"]
+    mass: Float[np.ndarray, "n n"]
+
+    @property
+    def floor(self) -> float:
+        """Magnitude [1/s²] below which an eigenvalue is neutral."""
+        return max(NEUTRAL, ROUNDING * float(np.abs(self.eigenvalues).max(initial=0)))
+
+
+def stiffness_of(
+    forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, "n n"]:
+    """-d net / d q of the degrees of freedom ``dofs``, by central differences."""
+    matrix = np.empty((len(dofs), len(dofs)))
+    step = np.zeros(forces.model.nv)
+    for column, dof in enumerate(dofs):
+        step[dof] = STEP
+        behind = forces.net(forces.moved(qpos, -step)).force[dofs]
+        ahead = forces.net(forces.moved(qpos, step)).force[dofs]
+        matrix[:, column] = (behind - ahead) / (2 * STEP)
+        step[dof] = 0.0
+    return matrix
+
+
+def modes(
+    forces: RestForces,
+    qpos: Float[np.ndarray, " nq"],
+    dofs: Int[np.ndarray, " n"],
+    free: Float[np.ndarray, "n free"],
+) -> Modes:
+    """Stiffness at a pose, and its modes on the free directions (columns)."""
+    matrix = stiffness_of(forces, qpos, dofs)
+    forces.net(qpos)
+    mass = forces.mass()[np.ix_(dofs, dofs)]
+    within = free.T @ mass @ free
+    within += 1e-15 * np.trace(within) * np.eye(len(within))
+    eigenvalues, directions = eigh(free.T @ (matrix + matrix.T) @ free / 2, within)
+    return Modes(matrix, eigenvalues, free @ directions, mass)
