@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.forces import Net, RestForces
-from cdpr_sim.anymodel.friction import Held, hold, rows_of
+from cdpr_sim.anymodel.friction import FrictionRows, Held, hold, rows_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,15 @@ class Balance:
 
     def at(self, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]) -> Unbalanced:
         """The balance at a pose, of the degrees of freedom ``dofs``."""
-        net = self.forces.net(qpos)
-        scale = net.scale(dofs)
+        return self.evaluated(self.forces.net(qpos), [dofs])[0]
+
+    def evaluated(self, net: Net, parts: list[Int[np.ndarray, " n"]]) -> list[Unbalanced]:
+        """The balance of several sets of degrees of freedom, at the pose where the net force was just evaluated."""
         rows = rows_of(self.forces.model, self.forces.data) if self.friction else None
+        return [self._of(net, rows, dofs) for dofs in parts]
+
+    def _of(self, net: Net, rows: FrictionRows | None, dofs: Int[np.ndarray, " n"]) -> Unbalanced:
+        scale = net.scale(dofs)
         unloaded = not net.parts[1:4][:, dofs].any()
         held = hold(rows, net.force, scale, dofs)
         force = net.force[dofs] + held.force

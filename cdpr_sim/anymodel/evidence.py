@@ -129,18 +129,21 @@ def refusal(
 ) -> NotSettled:
     """Why a model does not come to rest, with the best pose found."""
     best = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
-    if ended.falling.any():
-        trees = np.flatnonzero(ended.falling)
-        names = tuple(name_of(model, "body", int(model.tree_bodyadr[tree])) for tree in trees)
-        joints = joints_of(model, np.flatnonzero(ended.falling[model.dof_treeid]))
-        reason = f"{NoRest.FALLS.value}: nothing holds body {listed(names)}; ignore={names[0]!r} leaves it out"
-        return NotSettled(reason, best, NoRest.FALLS, joints)
+    for trees, case, why in (
+        (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
+        (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
+    ):
+        if trees.any():
+            names = tuple(name_of(model, "body", int(model.tree_bodyadr[tree])) for tree in np.flatnonzero(trees))
+            joints = joints_of(model, np.flatnonzero(trees[model.dof_treeid]))
+            reason = f"{case.value}: {why} body {listed(names)}; ignore={names[0]!r} leaves it out"
+            return NotSettled(reason, best, case, joints)
     if ended.turning:
         joints = joints_of(model, np.array([model.jnt_dofadr[joint] for joint in ended.turning]))
         return NotSettled(f"{NoRest.TURNS.value}: joint {listed(joints)}", best, NoRest.TURNS, joints)
     judged = Judged(balance, qpos, dofs)
     for island, (state, found) in enumerate(zip(judged.states, judged.modes, strict=True)):
-        if state.residual <= 1e-8 or not len(found.eigenvalues):
+        if state.residual <= 1e-8 or not len(found.eigenvalues) or state.held.largest > SLIDES:
             continue
         push = found.directions.T @ state.force
         loose = np.abs(found.eigenvalues) <= found.floor

@@ -17,15 +17,15 @@ from typing import Any
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import null_space
 
 from cdpr_sim.anymodel.friction_limits import closest, least_share, shares
 
 SLIDES = 1 - 1e-9
 """Share of a limit from which friction counts as at it."""
 
-RANK = 1e-9
-"""Directions of friction with smaller singular values (of unit rows) are combinations of the others."""
+RANK = 1e-3
+"""Directions that rows of unit length hold with a smaller singular value are free: friction has too short a lever there.
+A box on a plane could otherwise be held against tilting by corners whose heights differ by a micrometre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +77,10 @@ class Held:
 
 def jacobian(model: Any, data: Any) -> Float[np.ndarray, "nefc nv"]:
     """The constraints' Jacobian, dense."""
-    if not mujoco.mj_isSparse(model):
-        return np.array(data.efc_J).reshape(-1, model.nv)[: data.nefc]
     full = np.zeros((data.nefc, model.nv))
-    if data.nefc:
+    if data.nefc and not mujoco.mj_isSparse(model):
+        full[:] = data.efc_J.reshape(-1, model.nv)[: data.nefc]
+    elif data.nefc:
         mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
     return full
 
@@ -126,7 +126,7 @@ def rows_of(model: Any, data: Any) -> FrictionRows:
             corners.append(bool(pyramids))
             contacts.append(number)
     return FrictionRows(
-        np.array(directions).reshape(-1, model.nv), np.array(limits), np.array(damping),
+        np.array(directions).reshape(len(directions), model.nv), np.array(limits), np.array(damping),
         np.array(cones, dtype=int), np.array(corners, dtype=bool), np.array(contacts, dtype=int),
     )  # fmt: skip
 
@@ -153,16 +153,33 @@ def hold(
     matrix, load = (directions * limits[:, None] / scale).T, -net[dofs] / scale
     metric = np.sqrt(np.maximum(damping, 1e-300)) / limits
     metric /= metric.max()
-    use = metric * np.linalg.lstsq(matrix * metric, load, rcond=1e-12)[0]
+    held, _ = _held_and_free(directions / scale)
+    use = _balancing(matrix, load, metric, held)
     found = shares(use, cones, corners)
     if found.max() > SLIDES:
-        other = least_share(matrix, matrix @ use, use, cones, corners)
+        other = least_share(held.T @ matrix, held.T @ (matrix @ use), use, cones, corners)
         fits = shares(other, cones, corners).max() <= 1
         use = other if fits else closest(matrix, load, cones, corners)
         found = shares(use, cones, corners)
     share[which], forces[touch] = found, use * limits
-    sticks = directions[(found < SLIDES)[cones]]
-    free = np.eye(len(dofs))
-    if len(sticks):
-        free = null_space(sticks / np.linalg.norm(sticks, axis=1)[:, None], rcond=RANK)
+    sticks = (found < SLIDES)[cones]
+    _, free = _held_and_free((directions / scale)[sticks])
+    free = free / scale[:, None]
     return Held(scale * (matrix @ use), share, forces, rows.cones, rows.contacts, free)
+
+
+def _held_and_free(
+    directions: Float[np.ndarray, "rows n"],
+) -> tuple[Float[np.ndarray, "n held"], Float[np.ndarray, "n free"]]:
+    """Orthonormal bases of the directions that rows of friction hold, and of those that they leave free."""
+    size = directions.shape[1]
+    if not len(directions):
+        return np.zeros((size, 0)), np.eye(size)
+    _, values, basis = np.linalg.svd(directions / np.linalg.norm(directions, axis=1)[:, None])
+    rank = int((values > RANK * values[0]).sum())
+    return basis[:rank].T, basis[rank:].T
+
+
+def _balancing(matrix: np.ndarray, load: np.ndarray, metric: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """The smallest friction in a metric that balances the load along the directions held."""
+    return metric * np.linalg.lstsq(held.T @ matrix * metric, held.T @ load, rcond=1e-13)[0]

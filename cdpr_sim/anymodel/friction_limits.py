@@ -13,9 +13,12 @@ from jaxtyping import Bool, Float, Int
 from scipy.linalg import null_space
 
 GAP = 1e-7
-"""Accuracy of the least share."""
+"""Accuracy of the least share, as a fraction, as long as it may be the limit."""
 
-SWEEPS = 2000
+ROUGH = 1e-3
+"""The same where it is below the limit."""
+
+SWEEPS = 500
 """Iterations of the projected gradient method."""
 
 
@@ -93,7 +96,8 @@ def least_share(
             if length <= 1e-12 or decrement < 1e-10:
                 break
             use, s = use + length * (null @ step[:-1]), s + length * step[-1]
-        if barriers / weight < GAP * s:
+        gap = barriers / weight
+        if gap < GAP * s or s - gap > 1 or (s < 1 and gap < ROUGH * s):
             break
         weight *= 8
     return use
@@ -121,7 +125,7 @@ def closest(
         later = (1 + np.sqrt(1 + 4 * momentum**2)) / 2
         ahead, moved = new + (momentum - 1) / later * (new - use), np.abs(new - use).max()
         use, momentum = new, later
-        if moved < 1e-12:
+        if moved < 1e-10:
             break
     inside = (shares(use, cones, corners) < 1 - 1e-6)[cones]
     if inside.any() and not inside.all():

@@ -33,9 +33,9 @@ class Judged:
     def __init__(self, balance: Balance, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]) -> None:
         self.balance, self.qpos, self.dofs = balance, qpos, dofs
         forces = balance.forces
-        forces.net(qpos)
+        net = forces.net(qpos)
         self.islands = islands(forces.model, forces.data, dofs)
-        self.states: list[Unbalanced] = [balance.at(qpos, part) for part in self.islands]
+        self.states: list[Unbalanced] = balance.evaluated(net, self.islands)
         self._modes: list[Modes] | None = None
 
     def rests(self, residual: float, of_load: float) -> bool:

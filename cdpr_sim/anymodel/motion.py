@@ -13,6 +13,7 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -20,11 +21,33 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import write_state
+from cdpr_sim.anymodel.friction import rows_of
 from cdpr_sim.anymodel.islands import groups_of_trees
 
 STEPS = 20_000
 CHECK = 100
 """Time steps between two evaluations of the balance."""
+
+CHECK_STICKING = 20
+"""The same once friction holds: it is then a force that each evaluation finds anew."""
+
+SLIDES = 1 - 1e-6
+"""Share from which a contact slides."""
+
+READY = 3
+"""Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
+creeps, and a box that creeps on its corners does not come to rest."""
+
+PATIENCE = 15
+"""And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
+
+LOADED = 1e-6
+"""Share of a friction limit above which friction carries load."""
+
+BLOWS_UP = 1e12
+"""[J/kg] Kinetic energy above which the motion has diverged."""
+
+DIVERGES = "the simulation diverges at every time step"
 
 FAR = 100.0
 """Distance, in sizes of the model, after which a body that still accelerates counts as falling."""
@@ -55,6 +78,7 @@ class MotionEnd:
         steps: number of time steps.
         reason: why it stopped; empty at rest.
         falling: trees that moved away without end, and were held.
+        sliding: trees among them that touched something.
         turning: joints that turned without end.
         diverged: whether it diverged at every time step.
     """
@@ -64,6 +88,7 @@ class MotionEnd:
     steps: int
     reason: str
     falling: Bool[np.ndarray, " trees"]
+    sliding: Bool[np.ndarray, " trees"]
     turning: tuple[int, ...]
     diverged: bool
 
@@ -72,140 +97,168 @@ class Motion:
     """Time steps of a model with kinetic damping."""
 
     def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"]) -> None:
-        self.balance, self.dofs = balance, dofs
-        source = balance.forces.model
-        self.model = model = copy.copy(source)
-        if not model.nflex:
-            model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self.balance = balance
+        self.model = model = copy.copy(balance.forces.model)
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data = mujoco.MjData(model)
         write_state(self.data, balance.forces.data)
+        self.applied = self.data.qfrc_applied.copy()
         self.first = float(model.opt.timestep)
         references = np.concatenate([model.geom_solref, model.jnt_solref, model.eq_solref, model.tendon_solref_lim])
         positive = references[:, 0][references[:, 0] > 0]
         self.longest = max(self.first, min(5 * self.first, float(positive.min(initial=np.inf)) / 2))
         self.active = np.zeros(model.nv, dtype=bool)
         self.active[dofs] = True
+        self.held = np.zeros(model.nq, dtype=bool)
+        self.held_at = self.data.qpos.copy()
         self.falling = np.zeros(model.ntree, dtype=bool)
+        self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
-        self.where: np.ndarray | None = None
-        """Which coordinates of ``qpos`` are held, and the pose that holds them."""
-        self.held_qpos = np.array(self.data.qpos)
+        self.sticks, self.ready, self.loaded = False, 0, 0
         mujoco.mj_forward(model, self.data)
-        self.start_positions = self.data.xipos.copy()
-        self.start_qpos = self.data.qpos.copy()
+        self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
+        self.heaviest = max(1.0, float(model.body_mass.sum()))
+        self._hold()
+        self._regroup()
 
     def run(
         self, *, tolerance: float, steps: int, deadline: float, report: Callable[[int], None] = lambda steps: None
     ) -> MotionEnd:
         """Move until the forces balance, or the steps or the time are spent."""
         model, data = self.model, self.data
-        best, best_residual = data.qpos.copy(), np.inf
-        good = data.qpos.copy()
-        groups = self._groups()
-        number = int(groups.max(initial=-1)) + 1
-        energy, since, rattles = np.zeros(number), np.zeros(number, dtype=int), np.zeros(number, dtype=int)
-        momentum = np.zeros(model.nv)
-        reason, count, diverged = "time steps spent", 0, False
-        self._hold(~self.active)
-        damped = True
-        for count in range(1, steps + 1):
+        self.good = data.qpos.copy()
+        best, best_residual, reason, count = data.qpos.copy(), np.inf, "time steps spent", 0
+        momentum, damped, check = np.zeros(model.nv), True, CHECK
+        while count < steps:
+            count += 1
             mujoco.mj_step(model, data)
-            if self.where is not None:
-                data.qpos[self.where] = self.held_qpos[self.where]
+            if self.held.any():
+                data.qpos[self.held] = self.held_at[self.held]
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
-            kinetic = np.bincount(groups, data.qvel * momentum, number)
-            if not np.isfinite(kinetic.sum() + np.abs(data.qacc).sum()) or kinetic.max(initial=0) > 1e12 * max(
-                1.0, float(model.body_mass.sum())
-            ):
-                model.opt.timestep /= 4
-                if model.opt.timestep < self.first * SHORTEST:
-                    reason, diverged = "the simulation diverges at every time step", True
-                    best = good if not np.isfinite(best_residual) else best
-                    break
-                mujoco.mj_resetData(model, data)
-                write_state(data, self.balance.forces.data)
-                data.qpos[:] = good
-                energy[:], since[:], rattles[:] = 0, 0, 0
+            kinetic = np.bincount(self.groups, data.qvel * momentum, self.number)
+            whole = float(kinetic.sum() + np.abs(data.qacc).sum())
+            if not np.isfinite(whole) or kinetic.max(initial=0) > BLOWS_UP * self.heaviest:
+                if model.opt.timestep / 4 < self.first * SHORTEST:
+                    best = best if np.isfinite(best_residual) else self.good
+                    return self._end(best, best_residual, count, DIVERGES)
+                self._again()
                 continue
-            since += 1
-            peaks = kinetic < energy * (1 - 1e-12)
-            if peaks.any():
-                energy = np.where(peaks, 0.0, kinetic)
-                data.qvel[peaks[groups]] = 0
-                rattles = np.where(peaks, np.where(since <= QUICK, rattles + 1, 0), rattles)
-                if rattles.max() >= RATTLES and model.opt.timestep > self.first * SHORTEST:
-                    model.opt.timestep *= SHRINKS
-                    rattles[:] = 0
-                elif since[peaks].min() > CALM:
-                    model.opt.timestep = min(self.longest, model.opt.timestep * GROWS)
-                since = np.where(peaks, 0, since)
-                good = data.qpos.copy()
-            else:
-                energy = kinetic
-            if damped and since.max(initial=0) > SLOW:
+            self._damp(kinetic)
+            if damped and self.since.max(initial=0) > SLOW:
                 damped = False
                 model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
                 affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
                 model.actuator_biasprm[affine, 2] = 0
-            if count % CHECK and count != steps:
+            if count % check and count != steps:
                 continue
             report(count)
-            dofs = np.flatnonzero(self.active)
-            state = self.balance.at(data.qpos, dofs)
-            if state.residual < 1.2 * best_residual:
-                best, best_residual = data.qpos.copy(), state.residual
-            if state.residual <= tolerance:
-                reason = ""
-                break
+            residual = self._residual()
+            if residual < 1.2 * best_residual:
+                best, best_residual = data.qpos.copy(), residual
+            if residual <= tolerance:
+                return self._end(best, best_residual, count, "")
             if time.monotonic() > deadline:
                 reason = "time spent"
                 break
             if self._gone():
                 best, best_residual = data.qpos.copy(), np.inf
             if not self.active.any():
+                reason = "nothing stays"
                 break
-            new = self._groups()
-            if not np.array_equal(new, groups):
-                groups, number = new, int(new.max(initial=-1)) + 1
-                energy, since, rattles = np.zeros(number), np.zeros(number, dtype=int), np.zeros(number, dtype=int)
-        return MotionEnd(best, best_residual, count, reason, self.falling, tuple(sorted(self.turning)), diverged)
+            self._regroup()
+            check = CHECK_STICKING if self.sticks else CHECK
+        return self._end(best, best_residual, count, reason)
 
-    def _groups(self) -> Int[np.ndarray, " nv"]:
-        """Number of the island of each degree of freedom, at present."""
-        return groups_of_trees(self.model, self.data)[self.model.dof_treeid]
+    def _end(self, qpos: np.ndarray, residual: float, count: int, reason: str) -> MotionEnd:
+        turning = tuple(sorted(self.turning))
+        return MotionEnd(qpos, residual, count, reason, self.falling, self.sliding, turning, reason == DIVERGES)
+
+    def _damp(self, kinetic: Float[np.ndarray, " islands"]) -> None:
+        """Stop the islands whose kinetic energy is past its peak, and adapt the time step."""
+        options, since = self.model.opt, self.since + 1
+        peaks = kinetic < self.energy * (1 - 1e-12)
+        self.energy = np.where(peaks, 0.0, kinetic)
+        if peaks.any():
+            self.data.qvel[peaks[self.groups]] = 0
+            self.rattles = np.where(peaks, np.where(since <= QUICK, self.rattles + 1, 0), self.rattles)
+            if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORTEST:
+                options.timestep *= SHRINKS
+                self.rattles[:] = 0
+            elif since[peaks].min() > CALM:
+                options.timestep = min(self.longest, options.timestep * GROWS)
+            since[peaks] = 0
+            self.good = self.data.qpos.copy()
+        self.since = since
+
+    def _again(self) -> None:
+        """Go back to the last stop, with a shorter time step."""
+        model, data = self.model, self.data
+        model.opt.timestep /= 4
+        mujoco.mj_resetData(model, data)
+        write_state(data, self.balance.forces.data)
+        data.qpos[:], data.qfrc_applied[:] = self.good, self.applied
+        self._regroup(anew=True)
+
+    def _residual(self) -> float:
+        """The largest residual of an island; once friction holds, it is applied as a force."""
+        forces = self.balance.forces
+        net = forces.net(self.data.qpos)
+        rows = rows_of(forces.model, forces.data)
+        self.touched[:] = False
+        self.touched[np.unique(forces.model.dof_treeid[np.any(rows.directions, axis=0)])] = True
+        used = np.unique(self.groups[self.active])
+        parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
+        states = self.balance.evaluated(net, parts)
+        loaded = [state.held.largest for state in states if state.held.largest > LOADED]
+        if self.sticks:
+            self.data.qfrc_applied[:] = self.applied
+            for part, state in zip(parts, states, strict=True):
+                # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
+                if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
+                    self.data.qfrc_applied[part] += state.held.force
+        elif loaded:
+            self.ready = self.ready + 1 if min(loaded) < SLIDES else 0
+            self.loaded += 1
+            self.sticks = self.ready >= READY or self.loaded >= PATIENCE
+        return max((state.residual for state in states), default=0.0)
+
+    def _regroup(self, anew: bool = False) -> None:
+        """Find the islands; with others than before, kinetic energies begin anew."""
+        groups = groups_of_trees(self.model, self.data)[self.model.dof_treeid]
+        if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
+            self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
+            self.energy = np.zeros(self.number)
+            self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:
-        """Hold trees that are far away, and islands of joints that turn for ever; whether there were any."""
+        """Hold the islands of bodies that are far away and of joints that turn for ever; whether there are new ones."""
         model, data = self.model, self.data
         away = np.abs(data.xipos - self.start_positions).max(axis=1) > FAR * self.extent
-        away &= model.body_treeid >= 0
-        trees = np.unique(model.body_treeid[away])
-        trees = trees[~self.falling[trees]]
+        trees = np.unique(model.body_treeid[away & (model.body_treeid >= 0)])
+        trees = trees[[bool(self.active[model.dof_treeid == tree].any()) for tree in trees]]
         hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)
         turned = np.abs(data.qpos - self.start_qpos)[model.jnt_qposadr] > MANY_TURNS * 2 * np.pi
         turning = [int(joint) for joint in np.flatnonzero(hinges & turned) if self.active[model.jnt_dofadr[joint]]]
-        if not len(trees) and not turning:
-            return False
         self.turning |= set(turning)
         self.falling[trees] = True
-        stop = self.falling[model.dof_treeid] & self.active
-        for joint in turning:
-            stop |= (model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]]) & self.active
+        for tree in trees:
+            self.sliding[tree] = self.touched[tree]
+        stop = np.isin(model.dof_treeid, [*trees, *model.dof_treeid[model.jnt_dofadr[turning]]])
+        stop = np.isin(self.groups, self.groups[stop]) & self.active
         self.active &= ~stop
-        self._hold(~self.active)
-        return True
+        self._hold()
+        return bool(stop.any())
 
-    def _hold(self, dofs: Bool[np.ndarray, " nv"]) -> None:
-        """Hold degrees of freedom where they are."""
-        self.held_qpos = np.array(self.data.qpos)
-        if dofs.any():
-            self.where = coordinates_of(self.model, dofs)
-            self.data.qvel[dofs] = 0
+    def _hold(self) -> None:
+        """Hold the degrees of freedom that are not active where they are."""
+        self.held_at = self.data.qpos.copy()
+        self.held = coordinates_of(self.model, ~self.active)
+        self.data.qvel[~self.active] = 0
 
 
-def coordinates_of(model: mujoco.MjModel, dofs: Bool[np.ndarray, " nv"]) -> Bool[np.ndarray, " nq"]:
+def coordinates_of(model: Any, dofs: Bool[np.ndarray, " nv"]) -> Bool[np.ndarray, " nq"]:
     """Which coordinates of ``qpos`` belong to the joints of degrees of freedom."""
     where = np.zeros(model.nq, dtype=bool)
     ends = np.append(model.jnt_qposadr[1:], model.nq)

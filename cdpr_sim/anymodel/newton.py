@@ -26,6 +26,9 @@ SOFT = 1e-12
 REACH = 0.1, 0.3
 """Largest step: as a fraction of the model's size [m] for translations, and of a rotation [rad]."""
 
+PATIENCE = 10
+"""Iterations without progress, with friction at its limit, after which the search ends."""
+
 SHORTEST = 1e-9
 """Fraction of a step below which the search along it ends."""
 
@@ -53,15 +56,21 @@ def newton(
     forces = balance.forces
     extent = max(float(forces.model.stat.extent), 0.1)
     reach = np.where(balance.translates[dofs], REACH[0] * extent, REACH[1])
-    best, best_residual, level, reason, count = qpos, np.inf, 1e-3, "iterations spent", 0
-    for count in range(iterations + 1):
+    best, best_residual, level, reason, count = qpos, np.inf, 1e-3, "iterations spent", -1
+    stuck = 0
+    while count < iterations:
+        count += 1
         state = balance.at(qpos, dofs)
         residual = state.residual
         gained = residual < 0.5 * best_residual
+        stuck = stuck + 1 if state.held.largest >= 1 - 1e-9 and not residual < 0.9 * best_residual else 0
         if residual < best_residual:
             best, best_residual = qpos, residual
         if best_residual <= tolerance and (not gained or residual <= TARGET):
             reason = ""
+            break
+        if stuck > PATIENCE:
+            reason = "friction at its limit does not hold"
             break
         if not np.isfinite(residual):
             reason = "the forces are not finite"
@@ -85,7 +94,7 @@ def newton(
         along[soft] = np.where(np.abs(push[soft]) > 1e-9 * size, push[soft], 0)  # over 1/s²
         step = found.directions @ along
         step *= min(1.0, float(np.min(reach / np.maximum(np.abs(step), 1e-300))))
-        fraction, accepted = 1.0, False
+        fraction, accepted, there = 1.0, False, qpos
         while fraction > SHORTEST and not accepted:
             there = balance.moved(qpos, dofs, fraction * step)
             at_there = found.directions.T @ balance.at(there, dofs).force
