@@ -87,10 +87,8 @@ def _masses(model: Any, data: Any) -> Iterator[ModelFinding]:
         )  # fmt: skip
     equalities = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     for number in np.unique(data.efc_id[equalities]):
-        if (
-            model.eq_type[number] not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-            or model.eq_solref[number, 0] <= 0
-        ):
+        joins = mujoco.mjtEq(model.eq_type[number]) in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+        if not joins or model.eq_solref[number, 0] <= 0:
             continue
         rows = np.flatnonzero(equalities & (data.efc_id == number))[:3]
         yield from _far_apart(

@@ -75,7 +75,7 @@ def _actuator(model: Any, tendon: int, actuator: int) -> Iterator[ModelFinding]:
 
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
     """Smallest and largest force of an actuator, before its gear; infinite where nothing bounds it."""
-    gain, bias = model.actuator_gaintype[actuator], model.actuator_biastype[actuator]
+    gain, bias = mujoco.mjtGain(model.actuator_gaintype[actuator]), mujoco.mjtBias(model.actuator_biastype[actuator])
     low, high = -math.inf, math.inf
     muscle = mujoco.mjtDyn.mjDYN_MUSCLE
     if gain == mujoco.mjtGain.mjGAIN_MUSCLE and model.actuator_dyntype[actuator] == muscle:

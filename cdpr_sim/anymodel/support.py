@@ -60,7 +60,8 @@ def activations_at_rest(model: Any, data: Any) -> tuple[Float[np.ndarray, " na"]
     clamps = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     dynamics = mujoco.mjtDyn
     for actuator in range(model.nactuator):
-        kind, at = model.actuator_dyntype[actuator], model.actuator_actadr[actuator]
+        # an integer of NumPy is in no tuple of MuJoCo's enumerations
+        kind, at = dynamics(int(model.actuator_dyntype[actuator])), model.actuator_actadr[actuator]
         if at < 0 or _disabled(model, actuator):
             continue
         at += model.actuator_actnum[actuator] - 1

@@ -1,9 +1,10 @@
 """The fastest mode of a model, and the longest time step with which each integrator is stable.
 
-Near a pose M a + C v + K q = 0. Euler's method and the implicit ones of MuJoCo compute (M + h D)(v' - v) / h = -K q - C v
-and q' = q + h v', where D is what they treat implicitly: the damping of joints, or all of it. Their stability ends where
-the motion flips its sign in each step, q' = -q and v' = -v: 4 M s² + (4 D - 2 C) s - K is singular, s = 1 / h. RK4 is
-stable where |1 + z + z²/2 + z³/6 + z⁴/24| <= 1, z being h times each eigenvalue of the motion.
+Near a pose M a + C v + K q = 0. Euler's method and the implicit ones of MuJoCo compute q' = q + h v' and
+(M + h D) (v' - v) / h = -K q - C v. D is what they treat implicitly: the damping of joints, or all of it. Their
+stability ends where the motion flips its sign in each step, q' = -q and v' = -v: there 4 M s² + (4 D - 2 C) s - K is
+singular, s = 1 / h. RK4 is stable where |1 + z + z²/2 + z³/6 + z⁴/24| <= 1, z being h times each eigenvalue of the
+motion.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -75,7 +76,7 @@ class StableSteps:
 
 
 def stable_steps(model: Any, data: Any) -> StableSteps | None:
-    """The fastest mode at the pose of ``data``, without contacts and limits; None if the model is too large or empty."""
+    """The fastest mode at the pose of ``data``, without contacts and limits; None of large or empty models."""
     if not 0 < model.nv <= MOST_DOFS:
         return None
     free = _free(model, data)
