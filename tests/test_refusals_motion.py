@@ -11,7 +11,7 @@ import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from test_cli import run as run_command
+from inputs import run as run_command
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import checks
