@@ -32,6 +32,7 @@ import itertools
 import json
 import multiprocessing
 import os
+import queue
 import random
 import shutil
 import signal
@@ -43,6 +44,7 @@ import time
 import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -487,8 +489,8 @@ def _patch(changed: Changes) -> None:
         raise RuntimeError(f"nothing runs the code of {changed[0][0]} that was changed")
 
 
-def run_tests(tree: Path, tests: list[str], loop: tuple | None) -> None:
-    """Run pytest and exit with its status; with a loop's arguments, put its results into the queue."""
+def run_loop(tree: Path, tests: list[str], loop: tuple) -> None:
+    """Collect the tests and run the loop with these arguments, which puts its results into their queue."""
     import pytest
 
     os.chdir(tree)
@@ -497,8 +499,7 @@ def run_tests(tree: Path, tests: list[str], loop: tuple | None) -> None:
     with open(tree / f"output-{os.getpid()}", "w") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
-    plugins = [] if loop is None else [Loop(tree, *loop)]
-    os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=plugins)))
+    os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=[Loop(tree, *loop)])))
 
 
 # In the process that counts the faults
@@ -513,7 +514,7 @@ def outcomes(
     running, again = [], []
     for part in (faults[k::jobs] for k in range(jobs)):
         answers = context.SimpleQueue()
-        process = context.Process(target=run_tests, args=(tree, files, (part, record, left_out, answers)))
+        process = context.Process(target=run_loop, args=(tree, files, (part, record, left_out, answers)))
         process.start()
         running.append((process, answers, iter(part)))
     while running:
@@ -532,33 +533,40 @@ def outcomes(
                 if next(part, None) is not None:
                     output = (tree / f"output-{process.pid}").read_text()
                     raise RuntimeError(f"pytest ended too early:\n{output[-2000:]}")
-    for fault in again:
-        yield fault, SURVIVED if survives(tree, fault, record) else DETECTED
+    trees: queue.SimpleQueue[Path] = queue.SimpleQueue()
+    for k in range(min(jobs, len(again))):
+        trees.put(tree.with_name(f"{tree.name}-{k}"))
+    with ThreadPoolExecutor(jobs) as pool:
+        running = {pool.submit(survives, tree, trees, fault, record): fault for fault in again}
+        for one in as_completed(running):
+            yield running[one], SURVIVED if one.result() else DETECTED
 
 
-def survives(tree: Path, fault: Fault, record: Record) -> bool:
-    """Return whether the tests pass in a process that imports the fault; the file is restored afterwards."""
+def survives(tree: Path, trees: queue.SimpleQueue[Path], fault: Fault, record: Record) -> bool:
+    """Return whether the tests pass in a process that imports the fault, in a copy of the tree."""
     tests = record.of({fault.file}) or sorted({one.partition("::")[0] for one in record.seconds})
     tests += [one for one in record.seconds if one.startswith(READ_SIGNATURES) and one not in tests]
-    path, right, wrong = fault.texts(tree)
-    times = path.stat()
-    compile(wrong, path, "exec")  # any test would detect a syntax error
-    listed = tree / "tests-of-a-fault"
-    listed.write_text("\n".join(tests))
-    path.write_text(wrong, encoding="utf-8")
-    process = multiprocessing.get_context("forkserver").Process(target=run_tests, args=(tree, [f"@{listed}"], None))
+    own = trees.get()
     try:
-        process.start()
-        process.join(LONGEST)
-        if process.exitcode is None:
-            process.kill()
-            process.join()
+        shutil.copytree(tree, own, dirs_exist_ok=True)
+        path, right, wrong = fault.texts(own)
+        compile(wrong, path, "exec")  # any test would detect a syntax error
+        path.write_text(wrong, encoding="utf-8")
+        (own / "tests-of-a-fault").write_text("\n".join(tests))
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "@tests-of-a-fault"]
+        environment = {**os.environ, "PYTHONPATH": str(own), "PYTHONDONTWRITEBYTECODE": "1"}
+        quiet: dict[str, Any] = dict(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(command, cwd=own, env=environment, start_new_session=True, **quiet)
+        try:
+            return process.wait(LONGEST) == 0
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
             print(f"not decided within {LONGEST} s, counted as survived: {fault}", file=sys.stderr, flush=True)
             return True
-        return process.exitcode == 0
+        finally:
+            path.write_text(right, encoding="utf-8")
     finally:
-        path.write_text(right, encoding="utf-8")
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its cached bytecode is valid again
+        trees.put(own)
 
 
 def copied_tree() -> tuple[Path, str]:
