@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -354,68 +353,6 @@ def cache_of(package: Path) -> ModuleType:
 # --- where it is kept ---------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def places(monkeypatch, tmp_path) -> dict[str, Path]:
-    """A package folder, a home and a folder for temporary files of its own; what Numba is told is not set."""
-    found = {name: tmp_path / name for name in ("given", "package", "home", "temporary")}
-    for place in found.values():
-        place.mkdir()
-    code_cache.digest()  # of the true package, and kept
-    monkeypatch.setattr(code_cache, "_PACKAGE", found["package"])
-    monkeypatch.setattr(tempfile, "tempdir", str(found["temporary"]))
-    monkeypatch.setenv("HOME", str(found["home"]))
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
-        monkeypatch.delenv(name, raising=False)
-    return found
-
-
-def block(place: Path) -> None:
-    """Make a folder one that nothing can be written into, whoever tries: root may write where bits forbid it."""
-    shutil.rmtree(place)
-    place.write_text("a file where a folder would have to be")
-
-
-def where() -> Path:
-    """The folder that is chosen, anew."""
-    return code_cache.folder.__wrapped__()
-
-
-def test_machine_code_is_kept_where_it_can_be_written(places, monkeypatch, caplog):
-    """Where Numba is told, beside the sources, in one's cache, or among temporary files, which is said once.
-
-    Those are this user's alone, since machine code is loaded from them.
-    """
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(places["given"]))
-    assert where().is_relative_to(places["given"])
-    monkeypatch.delenv("NUMBA_CACHE_DIR")
-    assert where() == places["package"] / "__pycache__" / "compiled" / code_cache.digest()
-    block(places["package"])
-    assert where().is_relative_to(places["home"] / ".cache" / "cdpr_sim")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(places["given"]))
-    assert where().is_relative_to(places["given"] / "cdpr_sim")
-    block(places["home"])
-    block(places["given"])
-    first = where()
-    assert first.parent.parent == places["temporary"]
-    assert first.parent.stat().st_mode & 0o077 == 0
-    assert first == where()  # found again by the next process
-    assert len(caplog.messages) == 1
-    assert "no lasting folder can be written; set NUMBA_CACHE_DIR" in caplog.messages[0]
-    first.parent.chmod(0o777)
-    for somebodys in ("folder", "file"):
-        elsewhere = where()
-        assert elsewhere.parent != first.parent
-        assert elsewhere.parent.parent == places["temporary"]
-        assert list(elsewhere.iterdir()) == []
-        if somebodys == "folder":
-            shutil.rmtree(first.parent)
-            first.parent.write_text("somebody else's")
-    monkeypatch.setattr(tempfile, "tempdir", str(places["temporary"] / "nowhere"))
-    expected = r"found no folder for compiled code that can be written to .* expected NUMBA_CACHE_DIR"
-    with pytest.raises(cdpr.StoreError, match=expected):
-        where()
-
-
 def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
     """From a package and with a home that cannot be written to, not even by root: it compiles, and says where to."""
     package = tmp_path / "site" / "cdpr_sim"
@@ -428,19 +365,19 @@ def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
     assert printed == ["999000.0", str(package / "__init__.py")]
     for words, line in zip(("set NUMBA_CACHE_DIR", "compiles its double"), said.splitlines(), strict=True):
         assert words in line
-    assert list((tmp_path / "tmp").rglob("*.nbi"))
+    (kept,) = (tmp_path / "tmp").glob("cdpr_sim-*")
+    assert list(kept.rglob("*.nbi"))
+    assert kept.stat().st_mode & 0o077 == 0  # this user's alone, since machine code is loaded from it
 
 
-def test_code_of_other_versions_is_cleared_away(places):
-    """A folder for each version of the sources would grow for ever; so would private ones of killed processes."""
-    old = places["package"] / "__pycache__" / "compiled" / "0123456789abcdef"
-    old.mkdir(parents=True)
-    (old / "newton_kernel.nbi").touch()
-    here = where()
-    assert not old.exists()
-    (here / "solver-0").mkdir()
-    for private, age in ((".now", 0.0), (".killed", code_cache.ABANDONED + 60)):
-        (here / private).mkdir()
-        os.utime(here / private, (time.time() - age,) * 2)
-    assert where() == here
+def test_code_of_other_versions_and_of_killed_processes_is_cleared_away(monkeypatch, tmp_path):
+    """A folder for each version of the sources would grow for ever."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    here = code_cache.folder.__wrapped__()  # chosen anew
+    (here.parent / "0123456789abcdef").mkdir()
+    for name, age in (("solver-0", 0.0), (".now", 0.0), (".killed", code_cache.ABANDONED + 60)):
+        (here / name).mkdir()
+        os.utime(here / name, (time.time() - age,) * 2)
+    assert code_cache.folder.__wrapped__() == here
+    assert [path.name for path in here.parent.iterdir()] == [code_cache.digest()]
     assert {path.name for path in here.iterdir()} == {"solver-0", ".now"}

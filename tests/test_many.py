@@ -4,7 +4,6 @@ import threading
 
 import numpy as np
 import pytest
-from sample_problems import random_problem
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -298,12 +297,3 @@ def test_hanging_cables_are_asked_at_once() -> None:
     assert (table.pull.shape, table.stiffness.shape) == ((6, 6, 3), (6, 6, 3, 3))
     np.testing.assert_array_equal(table.pull[2, 4], catenary(A[2], B[4], L0[4], EA[4], w[4]).pull)
     np.testing.assert_array_equal(profile(A, B, L0, EA, w, 7)[3], profile(A[3], B[3], L0[3], EA[3], w[3], 7))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_equilibria_that_a_search_finds_are_each_one(seed) -> None:
-    """From few starts or from many: what one search finds, the other finds, too."""
-    asked = random_problem(seed, min_cables=5)
-    few, many = (cdpr.find_equilibria(asked, starts=starts).found for starts in (5, 60))
-    for one in few:
-        assert min(np.abs(one.position - other.position).max() for other in many) < 1e-6

@@ -154,15 +154,6 @@ def test_one_step_from_new_ropes_is_solve():
     assert np.abs(cdpr.solve_many(plain, THERE).positions - cdpr.solve_many(new, THERE).positions).max() < EXACT
 
 
-@pytest.mark.parametrize("changes", [{}, {"linear_density": 0.01}, {"pulley_radius": 0.01, "stiffening": (5, 0)}])
-def test_a_path_of_ropes_without_memory_is_solve_many(changes):
-    """Also with mass, pulleys and nonlinear laws: the same equilibria, from another start."""
-    robot = cdpr.load_robot("cogiro").replace(**changes)
-    path, many = cdpr.solve_path(robot, THERE), cdpr.solve_many(robot, THERE)
-    assert np.abs(path.positions - many.positions).max() < SEEN
-    assert path.eigenvalues == pytest.approx(many.eigenvalues, rel=1e-6)
-
-
 def test_a_step_without_equilibrium_ends_its_path():
     """Above all exits the platform falls: all later steps say so, no memory is left, and the other path goes on."""
     robot = cdpr.load_robot("cogiro").replace(**FRICTION)
