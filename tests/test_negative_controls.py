@@ -25,7 +25,7 @@ STRAIN = 1e-3
 """By which the cables of fully constrained robots are shortened."""
 
 WHEELS = {"pulley_radius": 0.01, "pulley_axis": (0.3, -0.2, -0.93)}
-DEMO = {"axial_stiffness": 1e3, "stiffening": (8.0, -20.0), "winch_to_exit": 0.6, "reeving": 2} | WHEELS
+DEMO = {"axial_stiffness": 100.0, "stiffening": (8.0, -20.0), "winch_to_exit": 0.6, "reeving": 2} | WHEELS
 STEEL = {"linear_density": 0.064, "pulley_radius": 0.1, "winch_to_exit": 6.0, "reeving": 2} | LAW
 
 ROBOTS = {
@@ -146,7 +146,7 @@ def test_a_broken_model_is_noticed(fault, which):
         values += added
     found = cdpr.compare(solved, cdpr.settle(problem, model=model))
     assert found.verdict is Verdict.DISAGREE
-    assert found.settled_in_statics > 3 * CROSS_TOLERANCE * problem.force_scale
+    assert found.settled_in_statics > 10 * CROSS_TOLERANCE * problem.force_scale
     assert residual_of(problem, solved.pose, model=model) > CROSS_TOLERANCE * problem.force_scale
 
 

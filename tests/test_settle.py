@@ -53,7 +53,7 @@ def test_random_robots_settle_where_the_oracle_finds_balance_and_statics_agrees(
             lifted = RigidTransform.from_translation([0, 0, 1e-3]) * rest.pose
             assert unbalanced(problem, rest.pose) < 1e-7 * robot.weight, seed
             assert rest.stability is not cdpr.Stability.UNSTABLE, seed
-            assert unbalanced(problem, lifted) > 1e-5 * robot.weight, seed
+            assert unbalanced(problem, lifted) > 1e-4 * robot.weight, seed
             many = residuals_of(cdpr.Problems.stack([problem] * 2), RigidTransform.concatenate([rest.pose, lifted]))
             alone = [residual_of(problem, pose) for pose in (rest.pose, lifted)]
             assert many[1] == pytest.approx(alone[1], rel=1e-12) == pytest.approx(unbalanced(problem, lifted), rel=1e-7)
@@ -296,8 +296,9 @@ def test_many_settle_as_one_by_one_on_any_threads_and_in_any_order(name, changes
             np.testing.assert_array_equal(getattr(other, read), getattr(many, read)[at], err_msg=read)
     for row in range(rows):
         alone = cdpr.settle(problems[row])
-        np.testing.assert_allclose(many.positions[row], alone.position, rtol=0, atol=1e-11 if changes else 0)
-        np.testing.assert_allclose(many.tensions[row], alone.tensions, rtol=1e-7 if changes else 0, atol=1e-7)
+        rounding = (1e-11, 1e-7 * many.tensions.max()) if changes else (0, 0)
+        np.testing.assert_allclose(many.positions[row], alone.position, rtol=0, atol=rounding[0])
+        np.testing.assert_allclose(many.tensions[row], alone.tensions, rtol=0, atol=rounding[1])
         assert many.iterations[row] == alone.iterations
 
 
