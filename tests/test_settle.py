@@ -121,6 +121,16 @@ def test_a_planar_robot_given_as_spatial_settles_from_a_right_angle(plane):
         assert cdpr.settle_many(robot, [pose] * 3, lengths).converged.all()
 
 
+def test_a_platform_that_turns_faster_than_it_swings_settles():
+    """Hanging on soft cables in a horizontal plane, turned by 90°: it found no rest."""
+    square = np.array(list(itertools.product([-1, 1], [-1, 1], [0])))
+    robot = cdpr.Robot(
+        square * [3.94, 2.37, 0], 0.058 * square, 3700.0, 19.0, platform_size=(0.12, 0.12, 0.12), name="flat"
+    )
+    settled = cdpr.settle(robot, [-1.18, 0.51, 0, 0, np.pi / 2, -0.0176], [3.951, 3.301, 5.846, 5.424])
+    assert cdpr.compare(cdpr.solve(robot, settled.pose, settled.rest_lengths), settled).agrees
+
+
 SLACK_CHAIN = cdpr.Problem.of(
     cdpr.Robot(
         [[0, 0, 1], [0.3, 0, 1]], np.zeros((2, 3)), [1e3, 1e5], 1.0, stiffening=[(50, 0), (0, 0)],
