@@ -7,6 +7,7 @@ One row for each property, and for each kind of fault of a model. For all other 
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Callable
 
 import mujoco
@@ -77,6 +78,18 @@ PROPERTIES: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "gravity": (more, ("plain", "with mass")),
 }
 """How each property of a robot is wrong, and on which robots."""
+
+MEMORIES = {"pulley_friction", "hysteresis", "creep"}
+
+NO_FORCE_AT_REST = {
+    "inertia", "mobility", "name", "platform_size", "frame", "workspace", "material", "from_material", "description",
+    "source", "notes", "pretension", "force_min", "force_max", "breaking_load",
+}  # fmt: skip
+
+
+def test_every_property_that_acts_at_rest_has_a_row():
+    """All arguments of ``Robot`` but names, limits, and what is drawn or only moves."""
+    assert set(PROPERTIES) | MEMORIES | NO_FORCE_AT_REST == set(inspect.signature(cdpr.Robot).parameters)
 
 
 @pytest.mark.parametrize(("name", "which"), [(name, which) for name, (_, some) in PROPERTIES.items() for which in some])
