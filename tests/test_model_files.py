@@ -21,13 +21,6 @@ from cdpr_sim.drawing import still
 from cdpr_sim.physics.model_files import model_files, stale_models
 from cdpr_sim.physics.winches import hang
 
-COLOUR, AREA_COLOUR = 24, 6
-"""Of 255: by how much a pixel may differ, and one of an area. Measured over the catalogue: 13 and 5; with 64 colours 32
-and 31."""
-
-AREA = 300
-"""Pixels."""
-
 MODELS = Path(__file__).parents[1] / "models"
 PACKAGE = f"{cdpr.__path__[0]}{os.sep}"
 
@@ -147,21 +140,13 @@ def test_without_what_a_scene_adds_mujoco_draws_no_cable_at_its_rest_length():
     assert cables_drawn(model, data) == set()
 
 
-@pytest.mark.parametrize("name", ["falcon-7", "two-cable"])
-def test_a_small_picture_keeps_its_colours(name):
-    """Each area as it was drawn, but for what no eye tells apart."""
-    picture = still.encoded(still.draw(cdpr.load_robot(name)))
+def test_a_small_picture_keeps_its_colours():
+    """No pixel differs by more than 24 of 255, measured 13 over the catalogue; with 64 colours it would be 32."""
+    picture = still.encoded(still.draw(cdpr.load_robot("falcon-7")))
     small = still.small(picture, "stamp")
-    before, after = (
-        np.asarray(Image.open(io.BytesIO(each)).convert("RGB")).astype(int).reshape(-1, 3) for each in (picture, small)
-    )
+    pixels = [np.asarray(Image.open(io.BytesIO(one)).convert("RGB")).astype(int) for one in (picture, small)]
     assert len(small) < 0.4 * len(picture)
-    assert np.abs(after - before).max() <= COLOUR
-    codes = before @ [1 << 16, 1 << 8, 1]
-    colours, counts = np.unique(codes, return_counts=True)
-    for colour in colours[counts > AREA]:
-        where = codes == colour
-        assert np.abs(after[where] - before[where]).max() <= AREA_COLOUR
+    assert np.abs(pixels[1] - pixels[0]).max() <= 24
 
 
 def test_check_notices_a_stale_file(tmp_path):

@@ -1,14 +1,12 @@
-"""Pulleys, laws and weight as MuJoCo has them: against closed forms and plain MjModels, without any statics."""
+"""Pulleys and laws as MuJoCo has them: plain MjModels against plane geometry and polynomials, without any statics."""
 
 import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.optimize import brentq
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.chains import SEGMENTS
 from cdpr_sim.physics.mjcf import to_mjcf
 from cdpr_sim.physics.settle import settle, settle_many
 from cdpr_sim.robots.catalogue import load_robot
@@ -109,45 +107,3 @@ def test_a_slack_cable_whose_anchor_lies_within_its_wheel_is_no_equilibrium(heig
     exits = [[0, 0, height], [0.1, 0, 4]]
     robot = Robot(exits, [[0, 0, 0]] * 2, 1e4, 1.0, pulley_radius=(0.1, 0.0), pulley_axis=UP, platform_size=BOX)
     assert settle_many(robot, [[0.1, 0, 2.05]], [[3.0, 1.95]]).status[0] == status
-
-
-def test_a_chain_weighs_what_the_cable_does():
-    """Masses between the segments and at the anchor are the cable's beyond its wheel, or but for the piece at the exit.
-
-    The tendons are as long as the cable, and the entry of its wheel.
-    """
-    robot = load_robot("cogiro").replace(
-        linear_density=np.linspace(1e-4, 8e-4, 8), pulley_radius=[0.01, 0.0] * 4, pulley_axis=UP
-    )
-    rest = robot.rest_lengths(robot.home)
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, robot.home))
-    first = (1 + np.polynomial.legendre.leggauss(SEGMENTS)[0][0]) / 2
-    for i, radius in enumerate(robot.pulley_radius, start=1):
-        nodes = [f"end_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS))]
-        mass = sum(model.body(node).mass[0] for node in nodes)
-        beyond = rest[i - 1] - robot.wrapped_lengths[i - 1] if radius > 0 else rest[i - 1] * (1 - first)
-        assert_allclose(mass, robot.linear_density[i - 1] * beyond, rtol=1e-13)
-        bands = np.array([model.tendon_lengthspring[model.tendon(f"cable_{i}_{k}").id] for k in range(1, SEGMENTS + 1)])
-        assert_allclose(bands[:, 1].sum(), rest[i - 1] + 10 * radius, rtol=1e-13)
-        assert not bands[:, 0].any()  # a segment that is shorter does not push
-
-
-def test_a_bar_on_two_slanting_heavy_cables_hangs_as_the_catenary_says():
-    """A planar point mass between two like exits: H and sag of the elastic catenary (Irvine 1981), solved here anew."""
-    density, stiffness, mass, half, length = 0.3, 5e4, 2.0, 1.5, 1.8
-    robot = Robot(
-        [[-half, 0, 2], [half, 0, 2]], [[0, 0, 0]] * 2, stiffness, mass, linear_density=density, mobility="planar",
-        platform_size=BOX, name="washing line",
-    )  # fmt: skip
-    rest = settle(robot, [0, 0, 1], [length, length])
-    weight, at_anchor = density * robot.gravity, mass * robot.gravity / 2
-
-    def across(horizontal: float) -> float:
-        s = np.arcsinh(np.array([at_anchor, at_anchor + weight * length]) / horizontal)
-        return horizontal * length / stiffness + horizontal / weight * (s[1] - s[0]) - half
-
-    horizontal = brentq(across, 1e-3, 1e3, xtol=1e-14)
-    ends = np.hypot(horizontal, [at_anchor, at_anchor + weight * length])
-    drop = (ends[1] - ends[0]) / weight + length / stiffness * (at_anchor + weight * length / 2)
-    assert_allclose(rest.position, [0, 0, 2 - drop], atol=1e-8)
-    assert_allclose(rest.tensions, ends[0], rtol=1e-7)

@@ -53,7 +53,7 @@ def test_random_robots_settle_where_the_oracle_finds_balance_and_statics_agrees(
             lifted = RigidTransform.from_translation([0, 0, 1e-3]) * rest.pose
             assert unbalanced(problem, rest.pose) < 1e-7 * robot.weight, seed
             assert rest.stability is not cdpr.Stability.UNSTABLE, seed
-            assert unbalanced(problem, lifted) > 1e-5 * robot.weight, seed
+            assert unbalanced(problem, lifted) > 1e-4 * robot.weight, seed
             many = residuals_of(cdpr.Problems.stack([problem] * 2), RigidTransform.concatenate([rest.pose, lifted]))
             alone = [residual_of(problem, pose) for pose in (rest.pose, lifted)]
             assert many[1] == pytest.approx(alone[1], rel=1e-12) == pytest.approx(unbalanced(problem, lifted), rel=1e-7)
@@ -119,6 +119,16 @@ def test_a_planar_robot_given_as_spatial_settles_from_a_right_angle(plane):
         robot = cdpr.Robot(exits, anchors, stiffness, mass, platform_size=(0.2, 0.2, 0.2), name="flat")
         lengths = np.array([1, 1 - 1e-4, 1 - 1e-2])[:, None] * robot.rest_lengths(pose)
         assert cdpr.settle_many(robot, [pose] * 3, lengths).converged.all()
+
+
+def test_a_platform_that_turns_faster_than_it_swings_settles():
+    """Hanging on soft cables in a horizontal plane, turned by 90°: it found no rest."""
+    square = np.array(list(itertools.product([-1, 1], [-1, 1], [0])))
+    robot = cdpr.Robot(
+        square * [3.94, 2.37, 0], 0.058 * square, 3700.0, 19.0, platform_size=(0.12, 0.12, 0.12), name="flat"
+    )
+    settled = cdpr.settle(robot, [-1.18, 0.51, 0, 0, np.pi / 2, -0.0176], [3.951, 3.301, 5.846, 5.424])
+    assert cdpr.compare(cdpr.solve(robot, settled.pose, settled.rest_lengths), settled).agrees
 
 
 SLACK_CHAIN = cdpr.Problem.of(
@@ -296,8 +306,9 @@ def test_many_settle_as_one_by_one_on_any_threads_and_in_any_order(name, changes
             np.testing.assert_array_equal(getattr(other, read), getattr(many, read)[at], err_msg=read)
     for row in range(rows):
         alone = cdpr.settle(problems[row])
-        np.testing.assert_allclose(many.positions[row], alone.position, rtol=0, atol=1e-11 if changes else 0)
-        np.testing.assert_allclose(many.tensions[row], alone.tensions, rtol=1e-7 if changes else 0, atol=1e-7)
+        rounding = (1e-11, 1e-7 * many.tensions.max()) if changes else (0, 0)
+        np.testing.assert_allclose(many.positions[row], alone.position, rtol=0, atol=rounding[0])
+        np.testing.assert_allclose(many.tensions[row], alone.tensions, rtol=0, atol=rounding[1])
         assert many.iterations[row] == alone.iterations
 
 
