@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.pose import moved
 
 RATE, SECONDS = 50.0, 0.2
 """[Hz, s] Of the winches' commands, between which they run evenly."""
@@ -30,19 +29,12 @@ LEADING = 0.03
 """Largest error at the first of ``FINE``, as a fraction of the error of a motion that is one step ahead of its winches.
 Measured: 0.006 and 0.014."""
 
-KEPT, VARIES = 1e-3, 0.03
-"""Energy that is lost in a second, and by which it varies at steps of 2 ms, as fractions of the largest kinetic energy.
-Measured: below 1e-4, and 0.015."""
-
 ROBOT = cdpr.load_robot("ipanema-1").replace(
     pulley_radius=0.0,
     center_of_mass=(0.03, -0.02, 0.04),
     inertia=[[0.9, 0.1, -0.05], [0.1, 0.7, 0.08], [-0.05, 0.08, 0.5]],
 )
 """IPAnema 1 over points, with its centre of mass and its principal axes away from the anchors' middle and axes."""
-
-BESIDE = moved(ROBOT.pose(ROBOT.home), np.array([0.002, 0.001, 0, 0, 0.002, 0.003]))
-"""2 mm and 0.2° beside the middle of its workspace, from where it swings at up to 30 Hz."""
 
 
 @dataclass
@@ -143,41 +135,3 @@ def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winche
     np.testing.assert_allclose(np.log2(np.divide(*errors[1:])), 2, atol=ORDER)
     leading = motions[1].positions[1 :: round(FINE[0] / RATE)] - positions[:-1]
     assert errors[1][0] < LEADING * np.linalg.norm(leading, axis=1).max()
-
-
-def energies(motion: cdpr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Kinetic energy, and all of it [J], at each state but the ends of a motion with a state for each step."""
-    step, center = motion.times[1], motion.positions + motion.rotations @ ROBOT.center_of_mass
-    velocity = (center[2:] - center[:-2]) / (2 * step)
-    between = Rotation.from_matrix(motion.rotations[:-1].swapaxes(1, 2) @ motion.rotations[1:]).as_rotvec() / step
-    spin = (between[1:] + between[:-1]) / 2
-    kinetic = 0.5 * ROBOT.mass * (velocity**2).sum(1) + 0.5 * np.einsum("ni,ij,nj->n", spin, ROBOT.inertia, spin)
-    stretch = np.maximum(motion.lengths - motion.rest_lengths, 0)
-    potential = (0.5 * ROBOT.axial_stiffness / motion.rest_lengths * stretch**2).sum(1) + ROBOT.weight * center[:, 2]
-    return kinetic, kinetic + potential[1:-1]
-
-
-def test_an_undamped_platform_keeps_its_energy():
-    """None is lost or gained; within a swing it varies by the square of the step. Damped cables are seen to lose it.
-
-    It is released beside its place, where the winches get within no time.
-    """
-    lengths = [0.995 * ROBOT.rest_lengths(pose) for pose in (BESIDE, ROBOT.home)]
-    winches = Winches(lambda time: lengths[time > 0])
-
-    def swing(rate: float, cable_damping: float) -> tuple[float, float]:
-        words = {"winch_speed": 1e3, "damping": 0.0, "cable_damping": cable_damping, "seconds": 1.0}
-        motion = cdpr.track(ROBOT, [ROBOT.home], winches, rate=rate, **words)
-        kinetic, energy = (values[round(0.01 * rate) :] for values in energies(motion))
-        tenth = len(energy) // 10
-        lost = energy[:tenth].mean() - energy[-tenth:].mean()
-        return float(lost / kinetic.max()), float(np.ptp(energy) / kinetic.max())
-
-    lost, varies = swing(500.0, 0.0)
-    assert abs(lost) < KEPT
-    assert varies < VARIES
-    lost, finer = swing(1000.0, 0.0)
-    assert abs(lost) < KEPT
-    assert np.log2(varies / finer) == pytest.approx(2, abs=ORDER)
-    lost, _ = swing(500.0, 2.5e-4)
-    assert lost > 100 * KEPT

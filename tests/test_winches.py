@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 from test_cli import run
 
 import cdpr_sim as cdpr
@@ -171,18 +171,6 @@ def test_a_reset_lays_cables_with_mass_as_they_hang():
     assert np.abs(data.qacc).max() > 1
 
 
-def test_a_tilted_pose_is_where_it_starts():
-    """Without the keyframe, too."""
-    pose = RigidTransform.from_components(COGIRO.home, Rotation.from_rotvec([0.1, -0.2, 0.3]))
-    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(COGIRO, pose, winches=True))
-    data = mujoco.MjData(model)
-    for start in (mujoco.mj_resetData, lambda *both: mujoco.mj_resetDataKeyframe(*both, 0)):
-        start(model, data)
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.body("platform").xmat.reshape(3, 3), pose.rotation.as_matrix(), atol=1e-15)
-        np.testing.assert_allclose(data.body("platform").xpos, pose.translation, atol=1e-15)
-
-
 @pytest.mark.parametrize("name", ["parallel", "planar-vertical"])
 def test_attached_to_another_world_nothing_is_lost(name):
     """On a moved and turned frame of a world with the default options, on a body of it even, the rest is the same."""
@@ -227,15 +215,6 @@ def test_slack_cables_are_drawn_hanging(stiffening):
             assert length == pytest.approx(static.rest_lengths[i - 1], abs=rounding)
     hang(model, wound(model, np.zeros(model.nu)))  # in the middle all are taut
     np.testing.assert_array_equal(model.tendon_group, before)
-
-
-def test_ropes_that_are_drawn_change_no_force():
-    """They are springs to MuJoCo: without them each step is the same to the last bit."""
-    text = cdpr.to_mjcf(PARALLEL, PARALLEL.home, winches=True)
-    bare = re.sub(r'<spatial name="rope_.*?</spatial>', "", text, flags=re.DOTALL)
-    assert bare.count("<spatial") == PARALLEL.cables
-    one, other = (mujoco.MjModel.from_xml_string(each) for each in (text, bare))
-    np.testing.assert_array_equal(wound(one, controls_of(PARALLEL)).qpos, wound(other, controls_of(PARALLEL)).qpos)
 
 
 def test_controls_cover_the_workspace_and_say_the_lengths():
