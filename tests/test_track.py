@@ -23,8 +23,6 @@ STIFF = cdpr.load_robot("cogiro")
 COPIED = 1e-12
 """[m] Of numbers that are handed on, or computed anew with other roundings."""
 
-RESTS = 1e-8
-"""[m] Between a platform that has come to rest after its cables were wound, and statics: 1e-9 m measured."""
 
 HELD = 1e-3
 """Fraction by which winches miss a tension of sagging or nonlinear cables while the platform moves."""
@@ -90,31 +88,6 @@ def test_winches_run_no_faster_than_they_can():
     assert np.abs(slow.rest_lengths - wanted).max() > 1e-3
     free = cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.8)
     assert 0.06 < np.abs(np.diff(free.rest_lengths, axis=0)).max() / 0.01 < 1.0
-
-
-GOAL = (0.35, 0.21, 0.14)
-WOUND = {
-    "spatial": (ROBOT, POSE, GOAL),
-    "slack": (cdpr.load_robot("parallel"), POSE, GOAL),
-    "planar": (cdpr.load_robot("planar-vertical"), (0.3, 0, 0.1), (0.35, 0, 0.14)),
-    "pulleys": (ROBOT.replace(pulley_radius=0.01, pulley_axis=(0, 0, 1)), POSE, GOAL),
-    "drive lines": (ROBOT.replace(winch_to_exit=0.5, reeving=2), POSE, GOAL),
-}
-"""Robot, and the poses from whose rigid lengths its winches go to others."""
-
-
-@pytest.mark.parametrize("name", WOUND)
-def test_after_winding_the_platform_rests_where_statics_says(name):
-    """From where it rests by statics, by centimetres in a second: springs follow the lengths; tensions, too."""
-    robot, start, goal = WOUND[name]
-    first, last = robot.rest_lengths(start), robot.rest_lengths(goal)
-    winches = ByTime(lambda time: first + min(time, 1.0) * (last - first), first)
-    motion = cdpr.track(robot, [start], winches, seconds=10.0, rate=10.0, damping=1.0)
-    wanted = cdpr.solve(robot, goal, last)
-    np.testing.assert_allclose(motion.positions[0], cdpr.solve(robot, start).position, rtol=0, atol=RESTS)
-    np.testing.assert_allclose(motion.positions[-1], wanted.position, rtol=0, atol=RESTS)
-    np.testing.assert_allclose(motion.tensions[-1], wanted.tensions, rtol=0, atol=1e-5 * robot.weight)
-    np.testing.assert_allclose(motion.lengths[-1], wanted.lengths, rtol=0, atol=10 * RESTS)
 
 
 LINEAR = [LAW, LAW, *[(0.0, 0.0)] * 6]
