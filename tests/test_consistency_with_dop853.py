@@ -1,15 +1,15 @@
-"""MuJoCo's platform on moving winches, against SciPy's DOP853: a rigid body on massless elastic cables."""
+"""MuJoCo's platform on moving winches, against SciPy's DOP853: a rigid body on the oracle's massless cables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import oracle
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.pose import moved
 
 RATE, SECONDS = 50.0, 0.2
 """[Hz, s] Of the winches' commands, between which they run evenly."""
@@ -30,19 +30,14 @@ LEADING = 0.03
 """Largest error at the first of ``FINE``, as a fraction of the error of a motion that is one step ahead of its winches.
 Measured: 0.006 and 0.014."""
 
-KEPT, VARIES = 1e-3, 0.03
-"""Energy that is lost in a second, and by which it varies at steps of 2 ms, as fractions of the largest kinetic energy.
-Measured: below 1e-4, and 0.015."""
-
-ROBOT = cdpr.load_robot("ipanema-1").replace(
+POINTS = cdpr.load_robot("ipanema-1").replace(
     pulley_radius=0.0,
     center_of_mass=(0.03, -0.02, 0.04),
     inertia=[[0.9, 0.1, -0.05], [0.1, 0.7, 0.08], [-0.05, 0.08, 0.5]],
 )
 """IPAnema 1 over points, with its centre of mass and its principal axes away from the anchors' middle and axes."""
 
-BESIDE = moved(ROBOT.pose(ROBOT.home), np.array([0.002, 0.001, 0, 0, 0.002, 0.003]))
-"""2 mm and 0.2° beside the middle of its workspace, from where it swings at up to 30 Hz."""
+WHEELS = POINTS.replace(pulley_radius=0.05, winch_to_exit=1.5, reeving=[1, 2] * 4)
 
 
 @dataclass
@@ -58,18 +53,17 @@ class Winches:
         return self.lengths(time)
 
 
-def winding(shorter: float, uneven: float) -> Winches:
+def winding(robot: cdpr.Robot, shorter: float, uneven: float) -> Winches:
     """Lengths that are ``shorter`` than rigid ones by a fraction and swing, each cable by its own share of ``uneven``.
 
     Even between two commands at ``RATE``.
     """
-    share = np.sin(np.arange(ROBOT.cables) * 2.3 + 0.3)
+    share = np.sin(np.arange(robot.cables) * 2.3 + 0.3)
 
     def smooth(time: float) -> np.ndarray:
         swing = 1 - np.cos(10 * time)
-        return ROBOT.rest_lengths(ROBOT.home + 0.02 * swing * np.array([1, 0.5, 0.2])) * (1 - shorter) + (
-            uneven * share * swing
-        )
+        rigid = robot.rest_lengths(robot.home + 0.02 * swing * np.array([1, 0.5, 0.2]))
+        return rigid * (1 - shorter) + uneven * share * swing
 
     def lengths(time: float) -> np.ndarray:
         whole, part = divmod(time * RATE + 1e-9, 1)
@@ -78,19 +72,18 @@ def winding(shorter: float, uneven: float) -> Winches:
     return Winches(lengths)
 
 
-def acceleration(y, rest_lengths, damping, cable_damping, springs):
+def acceleration(rig: oracle.Rig, y, rest_lengths, damping, dampers):
     """Newton's and Euler's equations about the platform's origin; y: position, quaternion, velocity, body's spin."""
-    robot = ROBOT
     R, v, spin = Rotation.from_quat(y[3:7]).as_matrix(), y[7:10], y[10:]
-    arms = robot.anchors @ R.T
-    along = robot.exits - y[:3] - arms
-    lengths = np.linalg.norm(along, axis=1)
-    along /= lengths[:, None]
-    growth = -(along * (v + np.cross(R @ spin, arms))).sum(1)
-    pull = robot.axial_stiffness * (lengths / rest_lengths - 1) + cable_damping * springs * growth
-    pulls = np.maximum(pull, 0)[:, None] * along
-    m, c, weight = robot.mass, robot.center_of_mass, np.array([0, 0, -robot.mass * robot.gravity])
-    at_origin = robot.inertia + m * (c @ c * np.eye(3) - np.outer(c, c))
+    arms = rig.anchors @ R.T
+    theta, straight, leaving = oracle.over_wheel(rig, y[:3] + arms - rig.exits)
+    behind = rig.winch_to_exit / rig.reeving
+    strain = (rig.pulley_radius * theta + straight - rest_lengths) / (rest_lengths + behind)
+    growth = (leaving * (v + np.cross(R @ spin, arms))).sum(1)
+    pull = rig.reeving * rig.axial_stiffness * strain + dampers * growth
+    pulls = -np.maximum(pull, 0)[:, None] * leaving
+    m, c, weight = rig.mass, rig.center_of_mass, np.array([0, 0, -rig.mass * rig.gravity])
+    at_origin = rig.inertia + m * (c @ c * np.eye(3) - np.outer(c, c))
     cross = np.cross(np.eye(3), c)  # cross @ x = c × x
     matrix = np.block([[m * np.eye(3), -m * R @ cross], [m * cross @ R.T, at_origin]])
     force = pulls.sum(0) + weight - damping * m * v - m * R @ np.cross(spin, np.cross(spin, c))
@@ -99,18 +92,17 @@ def acceleration(y, rest_lengths, damping, cable_damping, springs):
     return np.linalg.solve(matrix, np.concatenate([force, torque]))
 
 
-def reference(winches, start, damping, cable_damping):
+def reference(robot, winches, start, damping, cable_damping):
     """Positions and rotations at each command, (rows, 3) and (rows, 3, 3)."""
-    rigid = ROBOT.rest_lengths(ROBOT.home)
-    springs = ROBOT.axial_stiffness / rigid
-    damping *= 2 * np.sqrt(ROBOT.gravity / rigid.mean())  # of critical, of a pendulum as long as the cables
+    rig, rigid = oracle.Rig.of(robot), robot.rest_lengths(robot.home)
+    dampers = cable_damping * rig.reeving * rig.axial_stiffness / (rigid + rig.winch_to_exit / rig.reeving)
+    damping *= 2 * np.sqrt(rig.gravity / rigid.mean())  # of critical, of a pendulum as long as the cables
 
     def slope(time, y):
         spin = y[10:]
         turn = Rotation.from_quat(y[3:7]).as_quat()
         turning = 0.5 * np.append(turn[3] * spin + np.cross(turn[:3], spin), -turn[:3] @ spin)
-        forced = acceleration(y, winches.lengths(time), damping, cable_damping, springs)
-        return np.concatenate([y[7:10], turning, forced])
+        return np.concatenate([y[7:10], turning, acceleration(rig, y, winches.lengths(time), damping, dampers)])
 
     states = [np.concatenate([start.translation, start.rotation.as_quat(), np.zeros(6)])]
     for tick in range(round(SECONDS * RATE)):  # where the winches' speed changes the integration begins anew
@@ -121,18 +113,21 @@ def reference(winches, start, damping, cable_damping):
 
 
 @pytest.mark.parametrize(
-    ("winches", "slack", "damping", "cable_damping"),
-    [(winding(0.005, 0.0), False, 0.0, 0.0), (winding(0.002, 0.03), True, 0.05, 2.5e-4)],
-    ids=["taut, undamped", "slack in turns, damped"],
+    ("robot", "shorter", "uneven", "damping", "cable_damping"),
+    [(POINTS, 0.005, 0.0, 0.0, 0.0), (POINTS, 0.002, 0.03, 0.05, 2.5e-4), (WHEELS, 0.005, 0.0, 0.05, 2.5e-4)],
+    ids=["taut, undamped", "slack in turns, damped", "wheels and drive lines"],
 )
-def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winches, slack, damping, cable_damping):
+def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(
+    robot, shorter, uneven, damping, cable_damping
+):
     """Half the step, a quarter of the error; the error of a motion that leads its winches by one step is far larger."""
     words = {"damping": damping, "cable_damping": cable_damping, "seconds": SECONDS}
-    motions = [cdpr.track(ROBOT, [ROBOT.home], winches, rate=rate, **words) for rate in (RATE, *FINE)]
-    positions, rotations = reference(winches, motions[0].poses[0], damping, cable_damping)
+    winches = winding(robot, shorter, uneven)
+    motions = [cdpr.track(robot, [robot.home], winches, rate=rate, **words) for rate in (RATE, *FINE)]
+    positions, rotations = reference(robot, winches, motions[0].poses[0], damping, cable_damping)
     way = np.linalg.norm(positions - positions[0], axis=1).max()
     assert way > 0.02
-    assert (motions[-1].tensions == 0).any() == slack
+    assert (motions[-1].tensions == 0).any() == (uneven > 0)
     errors = []
     for motion, rate in zip(motions, (RATE, *FINE), strict=True):
         rows = slice(None, None, round(rate / RATE))
@@ -143,41 +138,3 @@ def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winche
     np.testing.assert_allclose(np.log2(np.divide(*errors[1:])), 2, atol=ORDER)
     leading = motions[1].positions[1 :: round(FINE[0] / RATE)] - positions[:-1]
     assert errors[1][0] < LEADING * np.linalg.norm(leading, axis=1).max()
-
-
-def energies(motion: cdpr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Kinetic energy, and all of it [J], at each state but the ends of a motion with a state for each step."""
-    step, center = motion.times[1], motion.positions + motion.rotations @ ROBOT.center_of_mass
-    velocity = (center[2:] - center[:-2]) / (2 * step)
-    between = Rotation.from_matrix(motion.rotations[:-1].swapaxes(1, 2) @ motion.rotations[1:]).as_rotvec() / step
-    spin = (between[1:] + between[:-1]) / 2
-    kinetic = 0.5 * ROBOT.mass * (velocity**2).sum(1) + 0.5 * np.einsum("ni,ij,nj->n", spin, ROBOT.inertia, spin)
-    stretch = np.maximum(motion.lengths - motion.rest_lengths, 0)
-    potential = (0.5 * ROBOT.axial_stiffness / motion.rest_lengths * stretch**2).sum(1) + ROBOT.weight * center[:, 2]
-    return kinetic, kinetic + potential[1:-1]
-
-
-def test_an_undamped_platform_keeps_its_energy():
-    """None is lost or gained; within a swing it varies by the square of the step. Damped cables are seen to lose it.
-
-    It is released beside its place, where the winches get within no time.
-    """
-    lengths = [0.995 * ROBOT.rest_lengths(pose) for pose in (BESIDE, ROBOT.home)]
-    winches = Winches(lambda time: lengths[time > 0])
-
-    def swing(rate: float, cable_damping: float) -> tuple[float, float]:
-        words = {"winch_speed": 1e3, "damping": 0.0, "cable_damping": cable_damping, "seconds": 1.0}
-        motion = cdpr.track(ROBOT, [ROBOT.home], winches, rate=rate, **words)
-        kinetic, energy = (values[round(0.01 * rate) :] for values in energies(motion))
-        tenth = len(energy) // 10
-        lost = energy[:tenth].mean() - energy[-tenth:].mean()
-        return float(lost / kinetic.max()), float(np.ptp(energy) / kinetic.max())
-
-    lost, varies = swing(500.0, 0.0)
-    assert abs(lost) < KEPT
-    assert varies < VARIES
-    lost, finer = swing(1000.0, 0.0)
-    assert abs(lost) < KEPT
-    assert np.log2(varies / finer) == pytest.approx(2, abs=ORDER)
-    lost, _ = swing(500.0, 2.5e-4)
-    assert lost > 100 * KEPT

@@ -89,29 +89,13 @@ def test_controllers_move_the_platform_as_in_track(name, catalogue):
 # Episodes.
 
 
-def wander(environment, steps: int, seed: int) -> list[np.ndarray]:
-    """Observations and rewards of an episode with random actions."""
-    random = np.random.default_rng(7)
-    seen = [environment.reset(seed=seed)[0]]
-    for _ in range(steps):
-        action = random.uniform(-0.1, 0.1, environment.action_space.shape).astype(np.float32)
-        observation, reward, *_ = environment.step(action)
-        seen += [observation, np.atleast_1d(reward)]
-    return seen
-
-
-def test_seeded_runs_are_bitwise_equal():
-    """The same seed, twice; another one differs. With randomised robots."""
-    domain = {"axial_stiffness": 0.2, "mass": 0.1, "exits": 0.003, "friction": 5.0}
-    once, again, other = (wander(made(seconds=0.3, domain=domain), 30, seed) for seed in (1, 1, 2))
-    for one, two in zip(once, again, strict=True):
-        np.testing.assert_array_equal(one, two)
-    assert not np.array_equal(once[-2], other[-2])
-
-
 def test_many_simulations_are_single_ones_bitwise():
-    """Whatever the threads; seeds count up, and an episode follows another."""
-    settings = {"robot": "ipanema-1", "seconds": 0.1, "domain": {"mass": 0.1, "exits": 0.002}}
+    """Whatever the threads; seeds count up and repeat, all stays finite, and an episode follows another."""
+    settings = {
+        "robot": "ipanema-1",
+        "seconds": 0.1,
+        "domain": {"axial_stiffness": 0.2, "mass": 0.1, "exits": 0.002, "friction": 5.0},
+    }
     random = np.random.default_rng(3)
     singles = [made(**settings) for _ in range(3)]
     for row, single in enumerate(singles):
@@ -121,13 +105,14 @@ def test_many_simulations_are_single_ones_bitwise():
         vector.reset(seed=5)
     over = np.zeros(3, dtype=bool)
     for _ in range(25):
-        actions = random.uniform(-0.1, 0.1, several[0].action_space.shape).astype(np.float32)
+        actions = random.uniform(-1, 1, several[0].action_space.shape).astype(np.float32)
         found = [vector.step(actions) for vector in several]
         for row, single in enumerate(singles):
             if over[row]:
                 observation, reward, fallen, ended = single.reset()[0], 0.0, False, False
             else:
                 observation, reward, fallen, ended, _ = single.step(actions[row])
+            assert np.isfinite(observation).all()
             for observations, rewards, terminated, truncated, _ in found:
                 np.testing.assert_array_equal(observations[row], observation)
                 assert (rewards[row], terminated[row], truncated[row]) == (reward, fallen, ended)
@@ -235,14 +220,3 @@ def test_a_picture_shows_the_state():
     assert pictures[0].shape == (64, 96, 3)
     assert pictures[0].dtype == np.uint8
     assert (pictures[0] != pictures[1]).any()
-
-
-def test_random_actions_leave_it_finite():
-    """Over the whole range, on a stiff robot; episodes end, observations stay finite."""
-    environments = gymnasium.make_vec("cdpr_sim/Track-v0", num_envs=4, robot="cogiro", seconds=0.5)
-    environments.reset(seed=0)
-    environments.action_space.seed(1)
-    for _ in range(75):
-        observations, rewards, *_ = environments.step(environments.action_space.sample())
-        assert np.isfinite(observations).all()
-        assert np.isfinite(rewards).all()

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from test_drive import EVERY, LAW
 
 import cdpr_sim as cdpr
-from cdpr_sim import HeldTensions, PoseFeedback, RigidLengths
+from cdpr_sim import PoseFeedback, RigidLengths
 from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.trajectory import BadCommand
 
@@ -23,15 +23,9 @@ STIFF = cdpr.load_robot("cogiro")
 COPIED = 1e-12
 """[m] Of numbers that are handed on, or computed anew with other roundings."""
 
-RESTS = 1e-8
-"""[m] Between a platform that has come to rest after its cables were wound, and statics: 1e-9 m measured."""
 
 HELD = 1e-3
 """Fraction by which winches miss a tension of sagging or nonlinear cables while the platform moves."""
-
-ALIKE = 0.2
-"""Fraction of a platform's largest deviation from its equilibria by which two integrators may differ: 0.09 measured, in
-proportion to the time step."""
 
 
 @dataclass
@@ -69,22 +63,21 @@ class ByTime:
 # Winches.
 
 
-def test_winches_are_where_they_were_told_to_be_at_the_next_instant():
-    """One state per control period; between two the winches run evenly, so that they lag behind by nothing."""
-    motion = cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.5, pause=0.1, rate=50.0)
-    np.testing.assert_allclose(motion.times, np.arange(31) / 50, atol=COPIED)
-    for row in (0, 5, 15, 30):
-        np.testing.assert_allclose(motion.rest_lengths[row], ROBOT.rest_lengths(motion.commanded[row]), atol=COPIED)
-    np.testing.assert_allclose(motion.commanded.translation[[0, 5, 30]], [POSE, POSE, LINE[1]], atol=COPIED)
+@pytest.mark.parametrize(
+    ("rate", "times"),
+    [(50.0, np.arange(16) / 50), (1e-6, [0, 0.3]), (2.0, [0, 0.3]), (8.0, [0, 0.125, 0.25, 0.3])],
+)
+def test_winches_are_where_they_were_told_to_be_at_the_next_instant(rate, times):
+    """One state per control period; between two the winches run evenly, so that they lag behind by nothing.
 
-
-@pytest.mark.parametrize(("rate", "times"), [(1e-6, [0, 0.25]), (2.0, [0, 0.25]), (10.0, [0, 0.1, 0.2, 0.25])])
-def test_a_motion_ends_with_its_course(rate, times):
-    """Where a period of the controller is longer than what is left of the course, the period ends with it."""
-    motion = cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.2, pause=0.05, rate=rate)
+    Where a period is longer than what is left of the course, it ends with it.
+    """
+    motion = cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.2, pause=0.1, rate=rate)
     np.testing.assert_allclose(motion.times, times, atol=COPIED)
-    np.testing.assert_allclose(motion.commanded[-1].translation, LINE[1], atol=COPIED)
-    np.testing.assert_allclose(motion.rest_lengths[-1], ROBOT.rest_lengths(LINE[1]), atol=COPIED)
+    lengths = cdpr.Problems.of(ROBOT, motion.commanded).rest_lengths
+    np.testing.assert_allclose(motion.rest_lengths, lengths, rtol=0, atol=COPIED)
+    np.testing.assert_allclose(motion.commanded.translation[[0, -1]], LINE, atol=COPIED)
+    np.testing.assert_allclose(motion.commanded.translation[motion.times <= 0.1][-1], POSE, atol=COPIED)
 
 
 def test_winches_run_no_faster_than_they_can():
@@ -95,31 +88,6 @@ def test_winches_run_no_faster_than_they_can():
     assert np.abs(slow.rest_lengths - wanted).max() > 1e-3
     free = cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.8)
     assert 0.06 < np.abs(np.diff(free.rest_lengths, axis=0)).max() / 0.01 < 1.0
-
-
-GOAL = (0.35, 0.21, 0.14)
-WOUND = {
-    "spatial": (ROBOT, POSE, GOAL),
-    "slack": (cdpr.load_robot("parallel"), POSE, GOAL),
-    "planar": (cdpr.load_robot("planar-vertical"), (0.3, 0, 0.1), (0.35, 0, 0.14)),
-    "pulleys": (ROBOT.replace(pulley_radius=0.01, pulley_axis=(0, 0, 1)), POSE, GOAL),
-    "drive lines": (ROBOT.replace(winch_to_exit=0.5, reeving=2), POSE, GOAL),
-}
-"""Robot, and the poses from whose rigid lengths its winches go to others."""
-
-
-@pytest.mark.parametrize("name", WOUND)
-def test_after_winding_the_platform_rests_where_statics_says(name):
-    """From where it rests by statics, by centimetres in a second: springs follow the lengths; tensions, too."""
-    robot, start, goal = WOUND[name]
-    first, last = robot.rest_lengths(start), robot.rest_lengths(goal)
-    winches = ByTime(lambda time: first + min(time, 1.0) * (last - first), first)
-    motion = cdpr.track(robot, [start], winches, seconds=10.0, rate=10.0, damping=1.0)
-    wanted = cdpr.solve(robot, goal, last)
-    np.testing.assert_allclose(motion.positions[0], cdpr.solve(robot, start).position, rtol=0, atol=RESTS)
-    np.testing.assert_allclose(motion.positions[-1], wanted.position, rtol=0, atol=RESTS)
-    np.testing.assert_allclose(motion.tensions[-1], wanted.tensions, rtol=0, atol=1e-5 * robot.weight)
-    np.testing.assert_allclose(motion.lengths[-1], wanted.lengths, rtol=0, atol=10 * RESTS)
 
 
 LINEAR = [LAW, LAW, *[(0.0, 0.0)] * 6]
@@ -142,15 +110,6 @@ def test_winches_hold_the_tensions_of_sagging_and_nonlinear_cables(name):
     motion = cdpr.track(robot, [pose], ByTime(lambda time: command, first), seconds=0.1)
     assert np.abs(motion.tensions[0] - wanted).max() > 10 * HELD
     np.testing.assert_allclose(motion.tensions[-1], wanted, rtol=HELD)
-
-
-def test_cables_with_a_vanishing_law_move_as_linear_ones():
-    """Two integrators, and damping of lengths in the one and of strains in the other, which is 0 here."""
-    line, limit = [(0.3, 0.2, 0.15), (0.35, 0.2, 0.15)], ROBOT.replace(stiffening=(1e-9, 0.0))
-    motions = [cdpr.track(one, line, RigidLengths(ROBOT), seconds=0.25, cable_damping=0.0) for one in (ROBOT, limit)]
-    apart = np.linalg.norm(motions[0].positions - motions[1].positions, axis=1).max()
-    swing = np.linalg.norm(motions[0].positions - cdpr.solve_trajectory(motions[0]).positions, axis=1).max()
-    assert apart < ALIKE * swing
 
 
 # Sensors.
@@ -201,38 +160,7 @@ def test_seeds_repeat_bit_for_bit():
     assert np.abs(one.positions - other.positions).max() > 1e-6
 
 
-def test_delay_matters():
-    """Feedback that is quick to believe what it sees is calm with fresh samples, and swings up with stale ones."""
-    robot, aside = STIFF.replace(material="vectran-0.7mm"), 0.005 * np.outer(np.arange(8) == 0, [1, 0, 0])
-    controller = PoseFeedback(RigidLengths(robot.replace(exits=robot.exits + aside)), gain=9.0)
-    errors = []
-    for delay in (0.0, 0.35):  # an integral takes a delay of pi/2 over its gain, 0.17 s
-        motion = cdpr.track(robot, [POSE], controller, seconds=2.0, damping=0.2, sensors=cdpr.Sensors(delay=delay))
-        errors.append(np.linalg.norm(motion.deviation[-25:], axis=1).max())
-    assert errors[0] < 1e-5
-    assert errors[1] > 1e-3
-
-
 # Damping.
-
-
-def test_damping_is_of_the_platforms_swing():
-    """Held by tensions alone the platform is a pendulum: it begins 20 mm beside, and swings on, or creeps back."""
-    held, beside = HeldTensions(ROBOT), ROBOT.pose([0.32, 0.25, 0.1])
-    first = np.asarray(held.start(cdpr.Reference(PosePath(ROBOT, [beside]), 1.0)))
-
-    class Pushed(HeldTensions):
-        def start(self, reference):
-            super().start(reference)
-            return first
-
-    swings = []
-    for damping in (0.05, 1.0):
-        motion = cdpr.track(ROBOT, [POSE], Pushed(ROBOT), seconds=2.0, rate=25.0, damping=damping)
-        along = motion.deviation[:, 0]
-        swings.append(int((np.diff(np.sign(along[np.abs(along) > 1e-5])) != 0).sum()))
-    assert swings[0] >= 2
-    assert swings[1] == 0
 
 
 def test_overdamped_cables_pull_evenly():

@@ -21,15 +21,8 @@ LAW = 1e-9
 SOFT = 0.04
 """EA as a fraction of DemoBot's: of ropes so soft the time step is as long as ``track`` takes it."""
 
-SLOW = 0.05
-"""Of the distance of the faster motion from the end of the path: distance of what both motions extrapolate to, whose
-inertia is in proportion to the square of the speed. Measured: 0.03."""
-
 AT_REST = 1e-9
 """[m] By which a platform moves that rests."""
-
-STICKS = 0.02
-"""Of an amplitude: after ten oscillations, each of which leaves a third of what is more than the yield."""
 
 OTHER_LENGTH = 2e-3
 """Strain of the plumb cable: with rope behind the exit, stiffness under a held tension is that of the rope's length
@@ -89,27 +82,6 @@ def test_tensions_are_those_of_the_lengths_so_far(name, first, changes, law, val
     assert np.abs(motion.tensions - law(motion, 1.01 * value)).max() > 1e5 * LAW
 
 
-def test_slow_motions_end_where_the_path_ends():
-    """At rest after there, back and there again, and they rest; with a width or a friction 1 % larger, elsewhere.
-
-    In the limit of slow motions, to which two of them are extrapolated.
-    """
-    robot = cdpr.load_robot("cogiro")
-    robot = robot.replace(axial_stiffness=SOFT * robot.axial_stiffness, **HYSTERESIS, **RUBBING)
-    wider, rougher = dict(hysteresis=[(SHARE, np.inf, 1.01 * WIDTH)]), dict(pulley_friction=1.01 * FRICTION)
-    ends = []
-    for seconds in (2.5, 5.0):
-        motion = moved(robot, 0.308, seconds, 1.25, rate=20.0, cable_damping=0.01, damping=0.3)
-        assert np.abs(motion.positions[-1] - motion.positions[-5:]).max() < AT_REST
-        ends.append(motion.positions[-1])
-    slowest = (4 * ends[1] - ends[0]) / 3
-    way = [swung(0.308, 1.0)(time) for time in np.linspace(0, 1, 31)]
-    true, *others = (cdpr.solve_path(robot.replace(**one), way).positions[-1] for one in ({}, wider, rougher))
-    off = np.linalg.norm(slowest - true)
-    assert off < SLOW * np.linalg.norm(ends[0] - true)
-    assert min(np.linalg.norm(slowest - other) for other in others) > 1.5 * off
-
-
 def plumb(**changes) -> cdpr.Robot:
     """A weight on a single plumb cable of 2 m, in a plane."""
     given = dict(exits=[[0, 0, 3.0]], anchors=[[0, 0, 0]], axial_stiffness=STIFFNESS, mass=WEIGHT / 9.81, name="plumb")
@@ -121,23 +93,6 @@ def pulling(tension: Callable[[float], float]) -> ByTime:
     """A winch that holds a tension after the plumb cable's length."""
     first, held = np.array([LENGTH]), np.array([True])
     return ByTime(lambda time: cdpr.Command(first, np.array([tension(time)]), held), first)
-
-
-def test_an_undamped_oscillation_ends_at_the_yield_and_gains_no_energy():
-    """Within the yield an element is elastic, so that the amplitude goes to it; each loop beyond loses energy."""
-    strain, share = 5e-5, 0.3
-    robot = plumb(hysteresis=[(share, strain)])
-    away = ByTime(lambda time: np.array([LENGTH - 2.5e-4]), np.array([LENGTH]))
-    options: dict[str, Any] = dict(rate=1000.0, winch_speed=1e3, damping=0.0, cable_damping=0.0)
-    motion = cdpr.track(robot, [[0, 0, 1.0]], away, seconds=0.9, **options)
-    e, rest = motion.lengths[:, 0] - motion.rest_lengths[:, 0], motion.rest_lengths[-1, 0]
-    turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(e[5:])))) + 5
-    swings = np.abs(np.diff(e[turns]))
-    assert swings[0] > 3 * strain * LENGTH
-    assert (np.diff(swings) < 1e-3 * strain * LENGTH).all()
-    assert swings[-1] == pytest.approx(2 * strain * rest, rel=STICKS)
-    elastic = cdpr.track(plumb(), [[0, 0, 1.0]], away, seconds=0.4, **options)
-    assert np.ptp(elastic.lengths[-200:]) == pytest.approx(np.ptp(elastic.lengths[5:205]), rel=1e-3)
 
 
 @pytest.mark.parametrize("behind", [0.0, 1.5])

@@ -1,14 +1,13 @@
 """A model that is driven by its winches: its actuators are the law of its cables, and it rests where ``solve`` says."""
 
 import re
-import warnings
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from inputs import run
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.physics.winches import hang
@@ -57,10 +56,9 @@ def wound(model: mujoco.MjModel, controls: np.ndarray) -> mujoco.MjData:
     return data
 
 
-def error(robot: cdpr.Robot, data: mujoco.MjData, prefix: str = "") -> float:
+def error(robot: cdpr.Robot, data: mujoco.MjData) -> float:
     """[m] From where ``solve`` says that the platform rests."""
-    position = data.sensor(f"{prefix}position").data
-    return float(np.linalg.norm(position - cdpr.solve(robot, robot.home + AWAY).position))
+    return float(np.linalg.norm(data.sensor("position").data - cdpr.solve(robot, robot.home + AWAY).position))
 
 
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
@@ -171,37 +169,6 @@ def test_a_reset_lays_cables_with_mass_as_they_hang():
     assert np.abs(data.qacc).max() > 1
 
 
-def test_a_tilted_pose_is_where_it_starts():
-    """Without the keyframe, too."""
-    pose = RigidTransform.from_components(COGIRO.home, Rotation.from_rotvec([0.1, -0.2, 0.3]))
-    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(COGIRO, pose, winches=True))
-    data = mujoco.MjData(model)
-    for start in (mujoco.mj_resetData, lambda *both: mujoco.mj_resetDataKeyframe(*both, 0)):
-        start(model, data)
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.body("platform").xmat.reshape(3, 3), pose.rotation.as_matrix(), atol=1e-15)
-        np.testing.assert_allclose(data.body("platform").xpos, pose.translation, atol=1e-15)
-
-
-@pytest.mark.parametrize("name", ["parallel", "planar-vertical"])
-def test_attached_to_another_world_nothing_is_lost(name):
-    """On a moved and turned frame of a world with the default options, on a body of it even, the rest is the same."""
-    robot = ROBOTS[name]
-    world, part = mujoco.MjSpec(), mujoco.MjSpec.from_string(cdpr.to_mjcf(robot, robot.home, winches=True))
-    frame = world.worldbody.add_body(pos=[1, 2, 3]).add_frame(quat=[np.cos(0.25), 0, 0, np.sin(0.25)])
-    world.attach(part, prefix="cdpr/", frame=frame)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # MuJoCo 4 says that the world's integrator is kept
-        model = world.compile()
-    model.opt.timestep = 1e-3
-    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
-    assert model.key(0).name == "cdpr/commanded"
-    assert error(robot, wound(model, controls_of(robot)), "cdpr/") < AT_REST
-    model.dof_damping[:] = 0
-    model.actuator_biasprm[:, 2] = 0  # the negative control: nothing calms it
-    assert error(robot, wound(model, controls_of(robot)), "cdpr/") > 100 * AT_REST
-
-
 @pytest.mark.parametrize("stiffening", [(0, 0), (50, 100)])
 def test_slack_cables_are_drawn_hanging(stiffening):
     """Each slack cable is many pieces in the picture and each taut one a line, also where it was wound."""
@@ -227,15 +194,6 @@ def test_slack_cables_are_drawn_hanging(stiffening):
             assert length == pytest.approx(static.rest_lengths[i - 1], abs=rounding)
     hang(model, wound(model, np.zeros(model.nu)))  # in the middle all are taut
     np.testing.assert_array_equal(model.tendon_group, before)
-
-
-def test_ropes_that_are_drawn_change_no_force():
-    """They are springs to MuJoCo: without them each step is the same to the last bit."""
-    text = cdpr.to_mjcf(PARALLEL, PARALLEL.home, winches=True)
-    bare = re.sub(r'<spatial name="rope_.*?</spatial>', "", text, flags=re.DOTALL)
-    assert bare.count("<spatial") == PARALLEL.cables
-    one, other = (mujoco.MjModel.from_xml_string(each) for each in (text, bare))
-    np.testing.assert_array_equal(wound(one, controls_of(PARALLEL)).qpos, wound(other, controls_of(PARALLEL)).qpos)
 
 
 def test_controls_cover_the_workspace_and_say_the_lengths():
