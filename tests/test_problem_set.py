@@ -53,6 +53,7 @@ def test_the_set_has_its_levels_and_every_answer_has_the_digits_of_a_double(prob
     assert any(one.complete and len(one.index) > 2 for one in problems)
 
 
+@pytest.mark.slow
 def test_solutions_follow_from_what_the_files_state(problems):
     """What ``scripts/generate_problems.py`` writes: equilibria, their number and order, and whether they are all."""
     for one in problems[::ALL_AGAIN]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from inputs import run
+from inputs import row, run
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
@@ -102,34 +102,10 @@ def test_each_entry_of_json_is_of_the_method_under_whose_name_it_is(methods, com
     if command.startswith("compensate"):  # what is held is what MuJoCo says, and not what statics says
         assert (shown["held"], shown["reached_from_commanded"]) == (False, False)
         assert (np.array(shown["rest_lengths"]) < shown["before"]["mujoco"]["rest_lengths"]).all()
-
-
-HEADS = {"mujoco": "MuJoCo", "newton": "Newton", "fsolve": "fsolve", "least_squares": "least_sq."}
-
-ROWS = {  # a command, a row of its table, and the number of a result that it shows
-    "settle cogiro --all": ("x [mm]", lambda one: f"{1e3 * one.position[0]:.3f}"),
-    **{f"solve cogiro --method {method}": ("x [mm]", lambda one: f"{1e3 * one.position[0]:.3f}") for method in FIRST
-       if method != "mujoco"},
-    "compensate cogiro": ("tension 8 [N]", lambda one: f"{one.tensions[7]:.3f}"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("command", ROWS)
-def test_each_column_is_of_the_method_that_heads_it(methods, command):
-    """In the order of the table; MuJoCo's first."""
-    text = run(*command.split(), columns=200).stdout
-    order = {name: n for n, name in enumerate(FIRST)}
-    asked = sorted(enumerate(methods.told), key=lambda one: order[one[1].source.rpartition("/")[2]])
-    results = [one for _, one in asked]
-    if command.startswith("compensate"):  # both before, then both after
-        results = [results[0], results[2], results[1], results[3]]
+        text, asked = run(*command.split(), columns=200).stdout, methods.told[-4:]
         assert "The equilibrium found by statics is not held in MuJoCo" in text
-    else:
-        (line,) = (line for line in text.splitlines() if line.strip().startswith("commanded") or " commanded " in line)
-        assert line.split()[-len(results) :] == [HEADS[one.source.rpartition("/")[2]] for one in results]
-    label, shown = ROWS[command]
-    (line,) = (line for line in text.splitlines() if line.strip().startswith(label))
-    assert line.split()[-len(results) :] == [shown(one) for one in results]
+        in_columns = [asked[call] for call in (0, 2, 1, 3)]  # each method is asked before and after
+        assert row(text, "tension 8 [N]")[-4:] == [f"{one.tensions[7]:.3f}" for one in in_columns]
 
 
 def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
