@@ -7,13 +7,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-import mujoco
 import pytest
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli import app
-from cdpr_sim.core import compiling
 from cdpr_sim.core.extras import LIBRARIES
 
 CORE = """
@@ -77,28 +73,6 @@ def test_what_needs_an_extra_says_which_and_writes_nothing(extra, tmp_path, monk
                 ):
                     call(robot, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("words", "extra"),
-    [
-        (["settle", "two-cable", "--certify"], "proof"),
-        (["certify", "two-cable"], "proof"),
-        (["equilibria", "two-cable", "--certify"], "proof"),
-        (["video", "two-cable", "-o", "OUT/v.mp4"], "video"),
-        (["report", "two-cable", "-o", "OUT/r.html"], "video"),
-        (["design", "two-cable", "--within", "0.01", "--video", "OUT/v.mp4"], "video"),
-    ],
-)
-def test_a_missing_extra_is_said_before_the_work(words, extra, tmp_path, monkeypatch):
-    """Not after the search, or where the video would be written: nothing is compiled and no model is made."""
-    for name in LIBRARIES[extra]:
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.setattr(compiling.Compiled, "compiled", property(lambda kernel: pytest.fail("it computes")))
-    monkeypatch.setattr(mujoco.MjModel, "from_xml_string", lambda *given: pytest.fail("it settles"))
-    told = CliRunner().invoke(app, [word.replace("OUT", str(tmp_path)) for word in words])
-    assert told.exit_code == 2, told.exception
-    assert f'pip install "cdpr-sim[{extra}]"' in told.stderr
 
 
 def test_each_library_is_in_its_extra():

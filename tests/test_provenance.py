@@ -1,6 +1,7 @@
 """Every number that is shown as MuJoCo's comes from MuJoCo's method, and every solver's from that solver.
 
-The methods are replaced by recorders that make up numbers: those, and no others, are to be shown.
+The methods are replaced by recorders that make up numbers: those, and no others, are to be shown. How they are printed,
+``test_shown_text.py`` says.
 """
 
 import dataclasses
@@ -10,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from inputs import row, run
 from scipy.spatial.transform import RigidTransform, Rotation
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim import RigidLengths
-from cdpr_sim.cli import app
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import compare as comparing
@@ -23,11 +23,10 @@ from cdpr_sim.crosscheck import layout_validation as proving
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.physics import sensing
 from cdpr_sim.physics.release import Release
+from cdpr_sim.studies import robot_summary
 
 FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}
 """Of each method's numbers the first digit."""
-
-HEADS = {"mujoco": "MuJoCo", "newton": "Newton", "fsolve": "fsolve", "least_squares": "least_sq."}
 
 
 class Recorder:
@@ -62,123 +61,74 @@ class Recorder:
 
 @pytest.fixture
 def methods(monkeypatch) -> Recorder:
-    """Both methods, made up."""
+    """Both methods, made up; of a compensation MuJoCo says nothing."""
     recorder = Recorder()
     monkeypatch.setattr(cdpr, "settle", recorder.settle)
     monkeypatch.setattr(cdpr, "solve", recorder.solve)
+    monkeypatch.setattr(cdpr, "verify_compensation", lambda found: CompensationCheck(found, None, None))
     return recorder
 
 
-def run(*words: str):
-    return CliRunner().invoke(app, list(words), env={"COLUMNS": "200"})
+BOTH = ["mujoco", "newton"]
+
+SHOWN = {  # a command: of each entry in its JSON, which method's call it is
+    "settle cogiro": {"results.mujoco": ("mujoco", 0), "results.newton": ("newton", 0),
+                      "results.fsolve": ("fsolve", 0), "results.least_squares": ("least_squares", 0)},
+    **{f"solve cogiro --method {method}": {"": (method, 0)} for method in ("newton", "fsolve", "least_squares")},
+    "compensate cogiro": {f"{when}.{method}": (method, n) for n, when in enumerate(("before", "after"))
+                          for method in BOTH},
+}  # fmt: skip
 
 
-def cells(text: str, label: str, count: int) -> list[str]:
-    """The last ``count`` cells of the row that begins with ``label``."""
-    (line,) = (line for line in text.splitlines() if line.strip().startswith(label))
-    return line.split()[-count:]
-
-
-def is_told(shown: dict, found: cdpr.Equilibrium) -> None:
-    """Whether a JSON's entry has the numbers of this result, and no others."""
-    assert shown["source"] == found.source
-    for name in ("position", "euler", "tensions", "lengths", "eigenvalues", "rest_lengths", "slack"):
-        assert shown[name] == getattr(found, name).tolist(), name
-    for name in ("tilt", "residual", "iterations"):
-        assert shown[name] == getattr(found, name), name
-    assert shown["stability"] == found.stability.name.lower()
-
-
-def test_settle_shows_what_each_method_says(methods):
-    """All four of them, in the table and in JSON; the verdict is about MuJoCo's and Newton's."""
-    text = run("settle", "cogiro", "--all").stdout
-    by_method = by_first(methods.told)
-    assert [HEADS[method] for method in FIRST] == cells(text, "commanded", 4)
-    for axis, name in enumerate("xyz"):
-        assert cells(text, f"{name} [mm]", 4) == [f"{1e3 * one.position[axis]:.3f}" for one in by_method.values()]
-    for cable in range(8):
-        shown = [f"{one.tensions[cable]:.4f}" for one in by_method.values()]
-        assert cells(text, f"tension {cable + 1} [N]", 4) == shown
-    assert cells(text, "unbalanced [N]", 4) == [f"{one.residual:.1e}" for one in by_method.values()]
-    assert cells(text, "iterations", 4) == [str(one.iterations) for one in by_method.values()]
-    apart = np.linalg.norm(by_method["newton"].position - by_method["mujoco"].position)
-    assert f"MuJoCo and Newton: the two methods disagree: position within {1e3 * apart:.1e} mm" in " ".join(
-        text.split()
-    )
-    methods.told.clear()
-    told = json.loads(run("settle", "cogiro", "--json").stdout)
-    assert told["position_error"] == pytest.approx(apart)
-    by_method = by_first(methods.told)
-    assert told["tension_error"] == pytest.approx(
-        np.abs(by_method["newton"].tensions - by_method["mujoco"].tensions).max()
-    )
-    for method, one in by_method.items():
-        is_told(told["results"][method], one)
-
-
-def by_first(told: list[cdpr.Equilibrium]) -> dict[str, cdpr.Equilibrium]:
-    """One equilibrium of each method, by its name, in the order of the table's columns."""
-    found = {one.source.rpartition("/")[2]: one for one in told}
-    assert len(found) == len(told) == len(FIRST)
-    return {method: found[method] for method in FIRST}
-
-
-@pytest.mark.parametrize("method", ["newton", "fsolve", "least_squares"])
-def test_solve_shows_the_solver_that_is_asked(methods, method):
-    """Under its own name."""
-    text = run("solve", "cogiro", "--method", method).stdout
-    assert cells(text, "commanded", 1) == [HEADS[method]]
-    assert cells(text, "x [mm]", 1) == [f"{1e3 * methods.told[0].position[0]:.3f}"]
-    is_told(json.loads(run("solve", "cogiro", "--method", method, "--json").stdout), methods.told[1])
-
-
-def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
-    """Four columns; whether it is held is what MuJoCo's ``verify_compensation`` says, and not what statics says."""
-    monkeypatch.setattr(cdpr, "verify_compensation", lambda found: CompensationCheck(found, None, None))
-    result = run("compensate", "cogiro")
-    assert result.exit_code == 1
-    assert "The equilibrium found by statics is not held in MuJoCo" in result.stdout
-    told = [methods.told[call] for call in (0, 2, 1, 3)]  # each method is asked before and after
-    assert [one.source for one in told] == ["mujoco", "newton"] * 2
-    home = cdpr.load_robot("cogiro").home
-    for axis, name in enumerate("xyz"):
-        shown = [f"{1e3 * (one.position[axis] - home[axis]):.6f}" for one in told]
-        assert cells(result.stdout, f"error {name} [mm]", 4) == shown
-    assert cells(result.stdout, "tension 8 [N]", 4) == [f"{one.tensions[7]:.3f}" for one in told]
-    assert cells(result.stdout, "lowest stiffness [N/m]", 4) == [f"{one.eigenvalues[0]:.3g}" for one in told]
-    rigid, cut = told[0].rest_lengths, told[2].rest_lengths
-    np.testing.assert_array_equal(rigid, cdpr.load_robot("cogiro").rest_lengths(home))
-    assert (cut < rigid).all()
-    methods.told.clear()
-    shown = json.loads(run("compensate", "cogiro", "--json").stdout)
-    assert (shown["held"], shown["reached_from_commanded"]) == (False, False)
-    told = [methods.told[call] for call in (0, 2, 1, 3)]
-    for (when, method), one in zip(itertools.product(("before", "after"), ("mujoco", "newton")), told, strict=True):
-        is_told(shown[when][method], one)
-    assert shown["rest_lengths"] == told[2].rest_lengths.tolist()
+@pytest.mark.parametrize("command", SHOWN)
+def test_each_entry_of_json_is_of_the_method_under_whose_name_it_is(methods, command):
+    """All of its numbers, and no others; a verdict is about MuJoCo's and Newton's."""
+    shown = json.loads(run(*command.split(), "--json").stdout)
+    for path, (method, call) in SHOWN[command].items():
+        one = shown
+        for key in filter(None, path.split(".")):
+            one = one[key]
+        found = [told for told in methods.told if told.source.rpartition("/")[2] == method][call]
+        assert one["source"] == found.source
+        for name in ("position", "euler", "tensions", "lengths", "eigenvalues", "rest_lengths", "slack"):
+            assert one[name] == getattr(found, name).tolist(), name
+        for name in ("tilt", "residual", "iterations"):
+            assert one[name] == getattr(found, name), name
+        assert one["stability"] == found.stability.name.lower()
+    if command.startswith("settle"):
+        mujoco, newton = (next(one for one in methods.told if one.source == name) for name in BOTH)
+        assert shown["position_error"] == pytest.approx(np.linalg.norm(newton.position - mujoco.position))
+        assert shown["tension_error"] == pytest.approx(np.abs(newton.tensions - mujoco.tensions).max())
+    if command.startswith("compensate"):  # what is held is what MuJoCo says, and not what statics says
+        assert (shown["held"], shown["reached_from_commanded"]) == (False, False)
+        assert (np.array(shown["rest_lengths"]) < shown["before"]["mujoco"]["rest_lengths"]).all()
+        text, asked = run(*command.split(), columns=200).stdout, methods.told[-4:]
+        assert "The equilibrium found by statics is not held in MuJoCo" in text
+        in_columns = [asked[call] for call in (0, 2, 1, 3)]  # each method is asked before and after
+        assert row(text, "tension 8 [N]")[-4:] == [f"{one.tensions[7]:.3f}" for one in in_columns]
 
 
 def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
-    """Which of them stay, and to which one MuJoCo's comes while gravity grows."""
+    """Which of them stay, for 2 s where it is stable and 20 s else; and to which MuJoCo's comes as gravity grows."""
     found = cdpr.find_equilibria(cdpr.load_robot("two-cable"), (0.3, 0, 0.2), saddles=True, starts=20)
     assert len(found) == 2
-    answers = [Release(largest_deviation, 1.0, 1.0) for largest_deviation in (10.0, 500.0)]
-    said = itertools.cycle(answers)
-    monkeypatch.setattr(cdpr, "release", lambda one, seconds: next(said))
+    deviations, asked = itertools.cycle((10.0, 500.0, 1.0, 500.0)), []
+
+    def release(one, seconds):
+        asked.append((one.stable, seconds))
+        return Release(next(deviations), 1.0, 1.0)
+
+    monkeypatch.setattr(cdpr, "release", release)
     monkeypatch.setattr(cdpr, "grow_gravity", lambda problem: found[1])
     words = ["equilibria", "two-cable", "--pose", "0.3", "0", "0.2", "--saddles", "--starts", "20"]
-    result = run(*words)
+    result = run(*words, columns=200)
     rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
     assert [row[-1] for row in rows[-2:]] == ["neither", "leaves"]
-    assert "MuJoCo reaches 2 instead" in result.stdout
-    assert result.exit_code == 1
-    said = itertools.cycle([Release(1.0, 1.0, 1.0), answers[1]])
+    assert (result.exit_code, "MuJoCo reaches 2 instead" in result.stdout) == (1, True)
     told = json.loads(run(*words, "--json").stdout)
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
     assert (told["reached"], told["reached_in_mujoco"]) == (0, 1)
-
-
-# --- whole workspaces ---------------------------------------------------------------------------------------------
+    assert set(asked) == {(True, 2.0), (False, 20.0)}
 
 
 def shifted(equilibria: EquilibriumBatch, by: float) -> EquilibriumBatch:
@@ -191,11 +141,9 @@ def shifted(equilibria: EquilibriumBatch, by: float) -> EquilibriumBatch:
 
 def test_compare_asks_each_method_about_the_other(monkeypatch):
     """MuJoCo's recorder is asked about the static pose, and its number is what is said of it."""
-    robot = cdpr.load_robot("cogiro")
+    robot, asked = cdpr.load_robot("cogiro"), []
     static, settled = cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))
-    asked = []
-    recorder = lambda problems, poses, threads: asked.append(poses) or 123.0  # noqa: E731
-    monkeypatch.setattr(comparing, "residuals_of", recorder)
+    monkeypatch.setattr(comparing, "residuals_of", lambda problems, poses, threads: asked.append(poses) or 123.0)
     agreement = cdpr.compare(static, settled)
     assert agreement.static_in_mujoco == 123.0
     assert len(asked) == 1
@@ -205,7 +153,7 @@ def test_compare_asks_each_method_about_the_other(monkeypatch):
 
 
 def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
-    """Its score is that of where MuJoCo's platforms rest, and not of where the solver has them."""
+    """Its score is that of where MuJoCo's platforms rest, and not of where the solver has them; else it is unknown."""
     found = cdpr.find_layout(
         cdpr.load_robot("parallel"), [(0.3, 0.25, 0.1), (0.5, 0.25, 0.1)], move=[cdpr.Move("exits", 0.01)],
         objective="worst deviation", generations=1,
@@ -219,9 +167,6 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
         apart = np.linalg.norm(side.settled.positions - side.solved.positions, axis=-1)
         assert side.errors["position_error"] == pytest.approx(apart.max())
     assert not proof.agrees
-    monkeypatch.setattr(proving, "settle_many", settle)
-    proof = cdpr.validate_layout(found)
-    assert f"within {1e3 * proof.after.errors['position_error']:.1e} mm" in " ".join(proof.sentences)
 
     def restless(problems):
         settled = settle(problems)
@@ -232,12 +177,10 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
     assert np.isnan(cdpr.validate_layout(found).after.score)
 
 
-# --- pictures and motions -----------------------------------------------------------------------------------------
-
-
 def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_path):
     """What is filmed is what ``drive`` returns; what is outlined, what ``solve_trajectory`` says of it."""
     motions, outlines, filmed = {}, [], {}
+    cdpr_drive, cdpr_solve = cdpr.drive, cdpr.solve_trajectory
 
     def drive(robot, *args, **options):  # on threads, in any order
         motions[robot.name] = shifted(cdpr_drive(robot, *args, **options), 1e-3)
@@ -251,30 +194,17 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
         filmed.update(trajectories=trajectories, static=static, path=path)
         return path
 
-    cdpr_drive, cdpr_solve = cdpr.drive, cdpr.solve_trajectory
     monkeypatch.setattr(cdpr, "drive", drive)
-    monkeypatch.setattr("cdpr_sim.studies.robot_summary.solve_trajectory", solve)
-    monkeypatch.setattr("cdpr_sim.studies.robot_summary.write_video", film)
-    words = [
-        "--path",
-        "0.4",
-        "0.401",
-        "--drive-seconds",
-        "0.1",
-        "--seconds",
-        "0.2",
-        "--fps",
-        "10",
-        "-o",
-        str(tmp_path / "v.gif"),
-    ]
-    told = run("video", "cogiro", "parallel", *words)
+    monkeypatch.setattr(robot_summary, "solve_trajectory", solve)
+    monkeypatch.setattr(robot_summary, "write_video", film)
+    words = "video cogiro parallel --path 0.4 0.401 --drive-seconds 0.1 --seconds 0.2 --fps 10 -o"
+    told = run(*words.split(), tmp_path / "v.gif")
     assert told.exit_code == 0, told.output
     assert filmed["path"] == Path(tmp_path / "v.gif")
-    in_order = [motions["cogiro"], motions["parallel"]]
-    for shown, motion, outline, static in zip(
-        filmed["trajectories"], in_order, outlines, filmed["static"], strict=True
-    ):
+    both = zip(
+        filmed["trajectories"], [motions["cogiro"], motions["parallel"]], outlines, filmed["static"], strict=True
+    )
+    for shown, motion, outline, static in both:
         assert shown is motion
         np.testing.assert_array_equal(static.translation, outline.positions)
 
@@ -286,7 +216,6 @@ def test_a_tracked_trajectory_is_what_mujocos_sensors_say(monkeypatch):
     robot = cdpr.load_robot("cogiro")
     tracked = cdpr.track(robot, [robot.home], RigidLengths(robot), seconds=0.03)
     assert tracked.source == "mujoco"
-    assert (tracked.positions == [1.0, 2.0, 3.0]).all()
-    assert (tracked.lengths == 10.0 + np.arange(8)).all()
-    assert (tracked.tensions == 20.0 + np.arange(8)).all()
+    for name, value in {"positions": read[0][:3], "lengths": read[1], "tensions": read[2]}.items():
+        assert (getattr(tracked, name) == value).all()
     np.testing.assert_allclose(tracked.rest_lengths, np.tile(robot.rest_lengths(robot.home), (4, 1)), rtol=1e-12)
