@@ -466,46 +466,64 @@ BESIDE_A_WHEEL = {
     "steep": (0.05, 0.2, 0.3, 0.5), "about a quarter turn": (0.3, 0.5, 0.02, 0.3), "flat": (0.2, 0.3, 0.01, 0.08),
     "level and above": (0.2, 0.3, -0.1, 0.2), "level": (0.2, 0.3, -0.1, 0.05), "above, far": (0.2, 0.4, -0.5, -0.3),
     "above, near": (0.02, 0.08, -0.5, -0.3), "above, about a half turn": (0.05, 0.3, -0.5, -0.3),
+    "far below": (1e-3, 0.01, 150.0, 250.0),
 }  # fmt: skip
 """Ranges of the distance beyond the centre of a wheel of radius 0.1, and of the height below the exit [m]."""
 
 
 @pytest.mark.parametrize("where", BESIDE_A_WHEEL)
 def test_bounds_of_a_path_over_a_wheel_are_attained(where):
-    """In a wheel's plane: by extremes over a grid of the box, with the lines on which they may lie; and over points."""
-    radius = 0.1
+    """In a wheel's plane, against balls: at points of a grid with lines on which extremes may lie; and of a point."""
+    radius, e = 0.1, geometry_kernel
     a0, a1, h0, h1 = BESIDE_A_WHEEL[where]
-    wheel = np.zeros((geometry_kernel.WHEEL, 2))
-    wheel[geometry_kernel.RADIUS], wheel[geometry_kernel.AXIS + 2] = radius, -1.0
-    wheel[[geometry_kernel.ASIDE, geometry_kernel.ASIDE + 4]] = 1.0
+    wheel = np.zeros((e.WHEEL, 2))
+    wheel[e.RADIUS], wheel[e.AXIS + 2] = radius, -1.0
+    wheel[[e.ASIDE, e.ASIDE + 4]] = 1.0
 
-    def paths(a, h):
-        s, far = np.sqrt(a * a + h * h - radius**2), a * a + h * h
-        turned = np.arctan2(a, h) + np.arctan2(radius, s)
-        sine, cosine = (a * s + h * radius) / far, (h * s - a * radius) / far
-        bend = sine / (a + radius) - 1 / s
-        return np.stack([radius * turned + s, sine, 0 * s, -cosine, s, turned, a, 0 * s, -1 + 0 * s, 0 * s, bend])
+    def path(rho, h):
+        """Length, n, s, θ, a, the vector across, and the bend."""
+        rho, h, r = exact(rho), exact(h), exact(radius)
+        a = rho - r
+        far = a * a + h * h
+        s = (far - r * r).sqrt()
+        sine, cosine, turned = (
+            (a * s + h * r) / far,
+            (h * s - a * r) / far,
+            flint.arb.atan2(a, h) + flint.arb.atan2(r, s),
+        )
+        return [
+            r * turned + s,
+            sine,
+            exact(0),
+            -cosine,
+            s,
+            turned,
+            a,
+            exact(0),
+            exact(-1),
+            exact(0),
+            sine / rho - 1 / s,
+        ]
 
-    def bounds(a, b, c, d):
-        o = np.zeros((geometry_kernel.COLUMNS, 2))
-        o[geometry_kernel.FROM_EXIT], o[geometry_kernel.FROM_EXIT + 2] = (a + radius, b + radius), (-d, -c)
-        assert geometry_kernel.over_wheel(o, wheel)
-        return o[[0, 1, 2, 3, *range(geometry_kernel.FREE, geometry_kernel.COLUMNS)]].T
+    def compare(rhos, heights):
+        """Bounds of a box with the values at points."""
+        o = np.zeros((e.COLUMNS, 2))
+        o[e.FROM_EXIT], o[e.FROM_EXIT + 2] = (rhos[0], rhos[-1]), (-heights[-1], -heights[0])
+        assert e.over_wheel(o, wheel)
+        low, high = o[[0, 1, 2, 3, *range(e.FREE, e.COLUMNS)]].T
+        with arithmetic():
+            values = np.array([path(rho, h) for rho in rhos for h in heights])
+            assert not (values < exact(low)).any()
+            assert not (values > exact(high)).any()
+            values = middles(values)
+        return low - values.min(0), high - values.max(0)
 
-    lines = [np.linspace(a0, a1, 21), np.linspace(h0, h1, 21)]
-    grid = np.meshgrid(*(np.append(one, [at for at in (0, radius) if one[0] < at < one[-1]]) for one in lines))
-    values = paths(*grid).reshape(11, -1)
-    low, high = bounds(a0, a1, h0, h1)
-    tight = slice(0, 10)  # all but the bend, a difference of two that are attained
-    assert low[tight] == pytest.approx(values.min(1)[tight], abs=1e-13)
-    assert high[tight] == pytest.approx(values.max(1)[tight], abs=1e-13)
-    assert low[10] <= values[10].min()
-    assert high[10] >= values[10].max()
-    assert (low <= values.min(1) + 1e-13).all()
-    for a, h in ((a0, h1), (a1, h0)):
-        low, high = bounds(a, a, h, h)
-        assert low == pytest.approx(paths(a, h), abs=1e-12)
-        assert high == pytest.approx(paths(a, h), abs=1e-12)
+    rhos = sorted({*np.linspace(a0, a1, 5) + radius, *([2 * radius] if a0 < radius < a1 else [])})
+    heights = sorted({*np.linspace(h0, h1, 5), *(at for at in (0.0, radius) if h0 < at < h1)})
+    attained = compare(rhos, heights)  # but for the bend, a difference of two bounds
+    assert np.abs(attained)[:, :10].max() < 1e-13 * max(1, h1)
+    for rho, h in ((rhos[0], h1), (rhos[-1], h0)):
+        assert np.abs(compare([rho], [h])).max() < 1e-12 * max(1, h1)
 
 
 def test_arc_tangents_and_paths_over_wheels_are_enclosed():

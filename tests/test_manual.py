@@ -1,21 +1,24 @@
 """README and the manual say what is so: their Python and their commands run, their links lead somewhere."""
 
-import functools
 import importlib.util
 import inspect
+import json
+import os
 import re
 import shlex
+import signal
+import subprocess
 import sys
 import tomllib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 import pytest
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli import COMMANDS, app
+from cdpr_sim.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -27,8 +30,14 @@ BLOCK = re.compile(r"^ *```(\w*)([^\n]*)\n(.*?)^ *```$", flags=re.DOTALL | re.MU
 
 LINK = re.compile(r"\]\((?!\w+:|#)([^)#\s]+)")
 
+COMMAND = re.compile(r"(?:^|.* && \.venv/bin/)cdpr-sim (.*)")
+"""A command, or one behind its installation, which runs from the wheel."""
+
 ELSEWHERE = ("python3 -m venv", ".venv/bin/", "pip install", ".ci/run")
 """Commands that install, test or build: .ci/run has them."""
+
+SOONER = {"video": "--drive-seconds 1 --seconds 0.5", "report": "--grid 3 1 2", "map": "--points 5"}
+"""Options that are added to commands that draw: of an option given twice, the last one counts."""
 
 ROUNDING = 1e-6
 """Of errors and unbalanced forces, in the units of tables: rounding, which no two machines share. None prints more."""
@@ -41,34 +50,51 @@ VALUE = re.compile(r"[A-Z]\w+\.[A-Z]+|True|False")
 DATA = {"", "text", "csv", "toml", "yaml"}
 """What is shown and not run; a ``title`` makes it a file for what follows."""
 
-
-SOONER = {
-    "video": "--drive-seconds 1 --seconds 0.5",
-    "report": "--grid 3 1 2",
-    "map": "--points 5",
-}
-"""Options that are added to commands that draw: of an option given twice, the last one counts."""
+NEEDED = {"docs/how-to/gradients.md": "jax", "docs/how-to/warp.md": "mujoco_warp"}
+"""Libraries of pages that only .ci/run has installed."""
 
 
-MAIN_JOB = "cdpr-sim settle parallel --pose 0.17 0.25 0.1"
+@pytest.fixture(scope="session")
+def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., list]]:
+    """Runs blocks of a page in new processes in a folder, with the wheel that is built once for all workers."""
+    filelock = pytest.importorskip("filelock")
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
+    wheel = shared / "wheel"
+    with filelock.FileLock(shared / "wheel.lock"):
+        if not wheel.exists():
+            command = [
+                sys.executable,
+                "-m",
+                "pip",
+                "install",
+                "-q",
+                "--no-deps",
+                "--target",
+                str(shared / "new"),
+                str(ROOT),
+            ]
+            alone = [] if importlib.util.find_spec("hatchling") is None else ["--no-build-isolation"]
+            subprocess.run([*command, *alone], check=True, timeout=100)
+            (shared / "new").rename(wheel)
+    path = os.pathsep.join([str(wheel / "bin"), os.environ["PATH"]])
+    one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork has no other thread
+    server = subprocess.Popen(
+        [sys.executable, Path(__file__).with_name("page_server.py")], cwd=shared, text=True, start_new_session=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        env={**os.environ, **one_thread, "PYTHONPATH": str(wheel), "PATH": path, "COLUMNS": "100"},
+    )  # fmt: skip
+    assert server.stdin
+    assert server.stdout
 
+    def run(page: str, folder: Path, blocks: list) -> list:
+        print(json.dumps([page, str(folder), blocks]), file=server.stdin, flush=True)
+        assert server.stdout.readline() == "done\n"
+        return json.loads((folder / "answers").read_text())
 
-@functools.cache
-def main_job() -> str:
-    """What it prints, on several pages."""
-    return said(MAIN_JOB)
-
-
-def said(command: str) -> str:
-    """What a command of ``cdpr-sim`` prints; of ``settle``, without the extra ``proof``, as README installs it."""
-    words = shlex.split(command)[1:]
-    words += SOONER.get(words[0], "").split()
-    with pytest.MonkeyPatch.context() as patch:
-        if command.startswith("cdpr-sim settle") and "--certify" not in command:
-            patch.setitem(sys.modules, "flint", None)
-        result = CliRunner().invoke(app, words, env={"COLUMNS": "100"})
-    assert result.exit_code == 0, f"{command}: {result.stderr or result.exception!r}"
-    return result.stdout
+    yield run
+    os.killpg(server.pid, signal.SIGKILL)
+    server.communicate()
 
 
 def comparable(text: str) -> list[str]:
@@ -88,48 +114,68 @@ def unprinted(comment: str, printed: str) -> list[str]:
     return missing
 
 
-NEEDED = {"docs/how-to/gradients.md": "jax", "docs/how-to/warp.md": "mujoco_warp"}
-"""Libraries of pages that only .ci/run has installed."""
+def steps(page: str, folder: Path) -> list[tuple[str, int, Any]]:
+    """What a page has to be run or compared: (language, line, text or words). Files that it shows are written."""
+    found: list[tuple[str, int, Any]] = []
+    for block in BLOCK.finditer(PAGES[page]):
+        language, beside, text = block.groups()
+        line = PAGES[page][: block.start(3)].count("\n") + 1
+        title = re.search(r'title="([^"]+)"', beside)
+        if language == "python":
+            found.append((language, line, text))
+        elif language == "sh":
+            for command in text.replace("\\\n", " ").splitlines():
+                if runs := COMMAND.match(command):
+                    words = shlex.split(runs[1])
+                    found.append((language, line, words + SOONER.get(words[0], "").split()))
+                elif command.startswith("python scripts/"):
+                    assert (ROOT / shlex.split(command)[1]).is_file(), f"{page}, line {line}: {command}"
+                else:
+                    assert command.startswith(ELSEWHERE), f"{page}, line {line}: nothing runs {command!r}"
+        else:
+            assert language in DATA, f"{page}, line {line}: nothing runs {language!r}"
+            if language == "toml":
+                tomllib.loads(text)
+            if (title and title[1] == "prints") or (page == "README.md" and language == "text"):
+                found.append(("prints", line, comparable(text)))
+            elif title:
+                (folder / title[1]).write_text(text, encoding="utf-8")
+    return found
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(PAGES[page])])
-def test_blocks_run_as_printed(page, tmp_path, monkeypatch):
-    """From the first to the last, in a folder of their own: Python, commands, and what they are shown to print."""
+def test_blocks_run_as_printed(page, tmp_path, run_page):
+    """In order, from the installed wheel, in a folder that is not the clone; they print what is shown.
+
+    README shows some of the rows that its command prints, and other pages all of them.
+    """
     if page in NEEDED:
         pytest.importorskip(NEEDED[page])
-    monkeypatch.chdir(tmp_path)
-    names: dict = {}
-    printed = ""
-    for language, beside, text in BLOCK.findall(PAGES[page]):
-        title = re.search(r'title="([^"]+)"', beside)
-        if language == "python":
-            told: dict[int, str] = {}
+    every = steps(page, tmp_path)
+    run = [one for one in every if one[0] != "prints"]
+    answers = iter(run_page(page, tmp_path, run) if run else [])
+    printed: Any = ""
+    for language, line, what in every:
+        if language == "prints":
+            rows = comparable(printed)
+            assert what == [row for row in rows if row in what or page != "README.md"], f"{page}, line {line}"
+            continue
+        printed, error = next(answers)
+        assert not error, f"{page}, line {line}:\n{error}"
+        for at, said in printed.items() if language == "python" else ():
+            shown = what.splitlines()[int(at) - line]
+            assert unprinted(shown.partition("  # ")[2], said) == [], f"{page}, line {at}: {shown}, printed {said}"
 
-            def said_beside(*values: object, told: dict[int, str] = told) -> None:
-                line = sys._getframe(1).f_lineno
-                told[line] = " ".join([told.get(line, ""), *map(str, values)])
 
-            names["print"] = said_beside
-            exec(compile(text, f"{page}: Python", "exec"), names)
-            for line, beside_it in told.items():
-                source = text.splitlines()[line - 1]
-                assert unprinted(source.partition("  # ")[2], beside_it) == [], f"{page}: {source}, printed {beside_it}"
-        elif language == "sh":
-            for command in text.replace("\\\n", " ").splitlines():
-                if command.startswith("cdpr-sim "):
-                    printed = main_job() if command == MAIN_JOB else said(command)
-                elif command.startswith("python scripts/"):
-                    assert (ROOT / shlex.split(command)[1]).is_file(), command
-                else:
-                    assert command.startswith(ELSEWHERE), f"{page}: nothing runs {command!r}"
-        else:
-            assert language in DATA, f"{page}: nothing runs {language!r}"
-            if language == "toml":
-                tomllib.loads(text)
-            if title and title[1] == "prints":
-                assert comparable(text) == comparable(printed)
-            elif title:
-                Path(title[1]).write_text(text, encoding="utf-8")
+def test_pages_run_from_the_wheel_and_faults_are_named_by_page_and_line(tmp_path, run_page):
+    """Negative controls: a name that a page does not define, one of another page, and a command that fails."""
+    (where, _), (_, error) = run_page("a.md", tmp_path, [
+        ("python", 3, "import cdpr_sim\nprint(cdpr_sim.__file__)"), ("python", 9, "\nundefined")
+    ])  # fmt: skip
+    assert Path(where["4"].strip()).parents[1].name == "wheel"
+    assert 'File "a.md", line 10' in error
+    assert "NameError" in run_page("b.md", tmp_path, [("python", 1, "cdpr_sim")])[0][1]
+    assert "exit status 2: " in run_page("c.md", tmp_path, [("sh", 1, ["settle", "nobody"])])[0][1]
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -145,16 +191,6 @@ def test_readme_is_short_and_its_commands_stand_behind_their_markers():
     for marker, word in (("main job", "cdpr-sim settle"), ("tests", "pytest")):
         assert re.search(rf"<!-- {marker} -->\n```sh\n.*{word}.*\n```\n", README)
     assert "libegl1" in README  # what OpenGL needs of the system
-
-
-def test_readmes_rows_are_the_main_jobs():
-    """Some of the rows that its command prints, to the digit."""
-    (shown,) = (text for language, _, text in BLOCK.findall(README) if language == "text")
-    rows = comparable(shown)
-    assert len(rows) > 10
-    assert MAIN_JOB in README
-    printed = comparable(main_job())
-    assert [row for row in rows if row not in printed] == []
 
 
 def test_what_is_shown_and_not_printed_is_noticed():
