@@ -478,6 +478,8 @@ def test_studies_go_through_layouts_materials_and_heights(monkeypatch):
     for one in found:
         np.testing.assert_allclose(one.settled.positions, one.static.positions[::2], atol=1e-6)
         np.testing.assert_allclose(commanded(one.static), [0.17, 0.4, 0.63])
+    homes = lines.homes()
+    assert [one.robot.name for one in homes] == ["planar-vertical", "planar-horizontal", "parallel", "cogiro"]
     monkeypatch.setattr(lines, "feasible_outline", functools.partial(lines.feasible_outline, columns=7, rows=3))
     width = lines.across_the_width(cdpr.load_robot("planar-vertical"), static_rows=3, settled_rows=2)
     assert [line.robot.material for line in width.lines] == materials
