@@ -293,17 +293,23 @@ def swept(*robots: str, materials: tuple[str, ...] | None = None, margin: bool =
     return data.assign(status=data["status"].copy(data=status.astype(data["status"].dtype)))
 
 
-def thin():
-    """An under-actuated robot: only the poses at x = 0.3 m are feasible, and beside them no tensions balance."""
+def thin(at: float = 0.3):
+    """An under-actuated robot: only the poses at this x [m] are feasible, and beside them no tensions balance."""
     data = swept("cogiro").copy()
-    held = np.broadcast_to((data["x"].values == 0.3)[:, None, None], data["feasible"].shape[-3:])
+    held = np.broadcast_to((data["x"].values == at)[:, None, None], data["feasible"].shape[-3:])
     data["feasible"] = data["feasible"].copy(data=held.reshape(data["feasible"].shape))
     margins = np.where(held, 2.0, -np.inf).reshape(data["capacity_margin"].shape)
     data["capacity_margin"] = data["capacity_margin"].copy(data=margins)
     return data
 
 
-def checked(path: bool = False):
+def pretensioned():
+    """With forces that some poses can resist, and a pretension."""
+    data = swept("cogiro", margin=False)
+    return data.assign(wrench_feasible=~data["feasible"]).assign_coords(pretension=("robot", [120.0]))
+
+
+def checked():
     """Four outcomes at (x, z), and differences of up to 1.5e-6 mm."""
     data = cdpr.check("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]}).dataset
     code = {name: i for i, name in enumerate(data["outcome"].attrs["flag_meanings"].split())}
@@ -389,6 +395,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "maps": lambda: maps.draw_elastic_map(swept("parallel", "cogiro", materials=("vectran-0.7mm", "fishing-0.4mm"))),
     "maps of one robot": lambda: maps.draw_elastic_map(swept("cogiro", margin=False)),
     "maps of a line": lambda: maps.draw_elastic_map(thin()),
+    "maps of nothing": lambda: maps.draw_elastic_map(thin(0.9), names=["feasible"]),
+    "maps of pretension": lambda: maps.draw_elastic_map(pretensioned(), names=["wrench_feasible", "slack_count"]),
     "maps of agreement": lambda: maps.draw_agreement_map(checked()),
     "maps along a path": lambda: path_maps.draw_path_map(along_a_path(), [(0.0, "A"), (0.4, "B"), (1.0, "C")]),
     "a robot": lambda: still.draw(TURNED, (0, 0, 0.2, 0, 0, math.pi / 2)),
