@@ -59,14 +59,22 @@ def a_line(seed: int, robot: cdpr.Robot, height: float, ends: tuple[float, float
     return lines.Line(rests(seed, robot, along, slack), rests(seed + 1, robot, along[::2]))
 
 
-def width(name: str, slack=(), workspace=()) -> lines.Width:
+def in_pairs(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    """Level, with equal tensions in each pair of cables."""
+    level = np.broadcast_to(np.eye(3), equilibria.rotations.shape)
+    tensions = np.repeat(equilibria.tensions[:, ::2], 2, axis=1)
+    return dataclasses.replace(equilibria, rotations=level, tensions=tensions)
+
+
+def width(name: str, slack=(), workspace=(), form: Callable = lambda equilibria: equilibria) -> lines.Width:
     """Of the robot's cables, some are slack at the first poses of the line of the first material."""
     robots = [cdpr.load_robot(name).replace(material=one) for one in ("vectran-0.7mm", "fishing-0.4mm")]
     y = robots[0].home[1]
     poses = [(0.2, y, 0.28), (0.5, y, 0.28), (0.6, y, 0.1)]
     across = (a_line(10 * i + 1, one, 0.1, (0.1, 0.7), 7, slack if i == 0 else ()) for i, one in enumerate(robots))
+    both = tuple(lines.Line(form(one.static), form(one.settled)) for one in across)
     outline = np.array([(x, y, z) for x, z in workspace]).reshape(-1, 3)
-    return lines.Width(rests(5, robots[1], poses, [(0, 0), (2, 1), (2, 2)] if slack else ()), (*across,), outline)
+    return lines.Width(form(rests(5, robots[1], poses, [(0, 0), (2, 1), (2, 2)] if slack else ())), both, outline)
 
 
 def paper_lines() -> tuple[lines.Line, ...]:
@@ -285,17 +293,23 @@ def swept(*robots: str, materials: tuple[str, ...] | None = None, margin: bool =
     return data.assign(status=data["status"].copy(data=status.astype(data["status"].dtype)))
 
 
-def thin():
-    """An under-actuated robot: only the poses at x = 0.3 m are feasible, and beside them no tensions balance."""
+def thin(at: float = 0.3):
+    """An under-actuated robot: only the poses at this x [m] are feasible, and beside them no tensions balance."""
     data = swept("cogiro").copy()
-    held = np.broadcast_to((data["x"].values == 0.3)[:, None, None], data["feasible"].shape[-3:])
+    held = np.broadcast_to((data["x"].values == at)[:, None, None], data["feasible"].shape[-3:])
     data["feasible"] = data["feasible"].copy(data=held.reshape(data["feasible"].shape))
     margins = np.where(held, 2.0, -np.inf).reshape(data["capacity_margin"].shape)
     data["capacity_margin"] = data["capacity_margin"].copy(data=margins)
     return data
 
 
-def checked(path: bool = False):
+def pretensioned():
+    """With forces that some poses can resist, and a pretension."""
+    data = swept("cogiro", margin=False)
+    return data.assign(wrench_feasible=~data["feasible"]).assign_coords(pretension=("robot", [120.0]))
+
+
+def checked():
     """Four outcomes at (x, z), and differences of up to 1.5e-6 mm."""
     data = cdpr.check("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]}).dataset
     code = {name: i for i, name in enumerate(data["outcome"].attrs["flag_meanings"].split())}
@@ -343,7 +357,7 @@ STUDIES: dict[str, Callable] = {
         for i, robot in enumerate(map(cdpr.load_robot, ("planar-vertical", "planar-horizontal", "parallel", "cogiro")))
     ],
     "planar-vertical": lambda: width("planar-vertical", [(0, 0), (1, 0), (2, 0), (0, 1)]),
-    "planar-horizontal": lambda: width("planar-horizontal"),
+    "planar-horizontal": lambda: width("planar-horizontal", form=in_pairs),
     "tilt-condition": tilt_condition.moment_balances,
     "cogiro": lambda: width("cogiro"),
     "parallel": lambda: width(
@@ -368,6 +382,8 @@ def in_gallery(name: str) -> Figure:
 FIGURES: dict[str, Callable[[], Figure]] = {
     **{name: functools.partial(in_gallery, name) for name in STUDIES},
     "agreement where they disagree": lambda: solvers.draw_agreement(agreements(NEUTRAL, DISAGREE, AGREE)),
+    "agreement where they agree": lambda: solvers.draw_agreement(agreements(AGREE, AGREE)),
+    "agreement where some disagree": lambda: solvers.draw_agreement(agreements(AGREE, DISAGREE)),
     "compensation": lambda: compensation_figures.draw_compensation([compensated(True), compensated(False)]),
     "controllers": lambda: controller_comparison_figures.controllers(runs()),
     "better layout": picture,
@@ -379,6 +395,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "maps": lambda: maps.draw_elastic_map(swept("parallel", "cogiro", materials=("vectran-0.7mm", "fishing-0.4mm"))),
     "maps of one robot": lambda: maps.draw_elastic_map(swept("cogiro", margin=False)),
     "maps of a line": lambda: maps.draw_elastic_map(thin()),
+    "maps of nothing": lambda: maps.draw_elastic_map(thin(0.9), names=["feasible"]),
+    "maps of pretension": lambda: maps.draw_elastic_map(pretensioned(), names=["wrench_feasible", "slack_count"]),
     "maps of agreement": lambda: maps.draw_agreement_map(checked()),
     "maps along a path": lambda: path_maps.draw_path_map(along_a_path(), [(0.0, "A"), (0.4, "B"), (1.0, "C")]),
     "a robot": lambda: still.draw(TURNED, (0, 0, 0.2, 0, 0, math.pi / 2)),

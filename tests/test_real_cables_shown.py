@@ -215,7 +215,6 @@ def ends() -> tuple[paper_ends.PaperEnd, ...]:
     return paper_ends.paper_ends()
 
 
-@pytest.mark.slow
 def test_pulleys_unknown_to_the_winches_cost_more_than_half_a_millimetre_per_millimetre():
     """The headline, on both of DemoBot's layouts and on both methods; elasticity costs the level layout far less."""
     study = real_cables.real_cables(2)
