@@ -313,7 +313,7 @@ REFUSED_COMMANDS = {
 """Commands and options that need the elastic law."""
 
 ALLOWED_COMMANDS = ("settle", "solve", "clearances", "show", "sweep", "map", "check", "video", "report")
-WITHOUT_A_ROBOT = {"robots", "new", "schema", "import", "figures", "score"}
+WITHOUT_A_ROBOT = {"robots", "new", "schema", "import", "figures", "score", "settle-model", "diagnose"}
 
 
 @pytest.mark.parametrize("command", [*REFUSED_COMMANDS, *ALLOWED_COMMANDS])
