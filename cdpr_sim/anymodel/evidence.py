@@ -22,8 +22,11 @@ from cdpr_sim.core.equilibrium import NotSettled, Stability
 CREEP_TIME = 0.5
 """[s] After which creep is measured."""
 
-MOVES = 0.05
+MOVES = 0.5
 """[m/s, rad/s] Speed at that time above which the model is not at rest in MuJoCo, whatever friction could hold."""
+
+GROWS = 0.05, 1.5
+"""The same, if it is more than so many times that at half the time."""
 
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
@@ -44,8 +47,9 @@ def equilibrium_at(
     Raises:
         NotSettled: it moves all the same: friction creeps too fast, or an oscillation grows.
     """
-    found = _at(model, balance, qpos, dofs, counts, way, by_motion, by_newton)
-    if found.friction_share > LOADED and not found.creep < MOVES:
+    found, half = _at(model, balance, qpos, dofs, counts, way, by_motion, by_newton)
+    grows = found.creep > GROWS[0] and found.creep > GROWS[1] * half
+    if found.friction_share > LOADED and (grows or not found.creep < MOVES):
         reason = (
             f"{NoRest.SLIDES.value}: friction could hold, but after 0.5 s it moves at {found.creep:.2g} m/s or rad/s"
         )
@@ -65,7 +69,8 @@ def _at(
     way: str,
     by_motion: np.ndarray | None = None,
     by_newton: np.ndarray | None = None,
-) -> ModelEquilibrium:
+) -> tuple[ModelEquilibrium, float]:
+    """What is there at a pose, and the speed after half the time of the creep."""
     forces, judged = balance.forces, Judged(balance, qpos, dofs)
     eigenvalues, neutral = judged.eigenvalues, judged.neutral_directions
     stability = Stability.NEUTRAL if neutral else Stability.STABLE
@@ -83,13 +88,13 @@ def _at(
         share = max(share, state.held.largest)
     ignored = np.ones(model.nv, dtype=bool)
     ignored[dofs] = False
-    creep = creep_of(forces, model, qpos, ignored, CREEP_TIME)
+    half, creep = creep_of(forces, model, qpos, ignored, CREEP_TIME)
     names = tuple(dict.fromkeys(name for one in neutral for name in movers(model, one)))
     notes = []
     if share > LOADED:
         notes.append("friction carries load: the equilibrium depends on the path, and MuJoCo's friction creeps")
     forces.net(qpos)
-    return ModelEquilibrium(
+    found = ModelEquilibrium(
         qpos=frozen(np.array(qpos)),
         act=frozen(np.array(forces.data.act)),
         ctrl=frozen(np.array(forces.data.ctrl)),
@@ -109,6 +114,7 @@ def _at(
         agreement=compared,
         notes=tuple(notes),
     )
+    return found, half
 
 
 def _tensions(model: Any, data: Any) -> Any:
@@ -128,7 +134,7 @@ def refusal(
     ended: MotionEnd,
 ) -> NotSettled:
     """Why a model does not come to rest, with the best pose found."""
-    best = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
+    best, _ = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
     for trees, case, why in (
         (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
         (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),

@@ -20,6 +20,9 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.anymodel.friction_limits import closest, least_share, shares
 
+NOTHING = 1e-9
+"""Rows shorter than this fraction of the longest are rounding: of a planar model, those across its plane."""
+
 SLIDES = 1 - 1e-9
 """Share of a limit from which friction counts as at it."""
 
@@ -142,7 +145,8 @@ def hold(
     if rows is None or not len(rows.limits):
         none = np.zeros(0, dtype=int)
         return Held(nothing, np.zeros(0), np.zeros(0), none, none, np.eye(len(dofs)))
-    touch = np.any(rows.directions[:, dofs], axis=1)
+    lengths = np.linalg.norm(rows.directions[:, dofs] / scale, axis=1)
+    touch = lengths > NOTHING * lengths.max(initial=0)
     share, forces = np.zeros(len(rows.corners)), np.zeros(len(rows.limits))
     if not touch.any():
         return Held(nothing, share, forces, rows.cones, rows.contacts, np.eye(len(dofs)))

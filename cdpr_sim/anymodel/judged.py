@@ -141,8 +141,8 @@ def contact_forces(model: Any, data: Any, states: list[Unbalanced]) -> tuple[Con
     return tuple(found)
 
 
-def creep_of(forces: RestForces, model: Any, qpos: np.ndarray, ignored: np.ndarray, seconds: float) -> float:
-    """Largest speed of a coordinate after some time of the model's own time steps [m/s, rad/s].
+def creep_of(forces: RestForces, model: Any, qpos: np.ndarray, ignored: np.ndarray, seconds: float) -> tuple[float, float]:
+    """Largest speed of a coordinate after half a time and all of it, by the model's own time steps [m/s, rad/s].
 
     Args:
         forces: the forces, with activations, controls and all else that they depend on.
@@ -155,10 +155,13 @@ def creep_of(forces: RestForces, model: Any, qpos: np.ndarray, ignored: np.ndarr
     write_state(data, forces.data)
     data.qpos[:] = qpos
     where = coordinates_of(model, ignored)
-    for _ in range(int(np.clip(np.ceil(seconds / model.opt.timestep), 1, MOST_STEPS))):
+    steps, speeds = int(np.clip(np.ceil(seconds / model.opt.timestep), 1, MOST_STEPS)), []
+    for step in range(steps):
         mujoco.mj_step(model, data)
         if ignored.any():
             data.qpos[where] = qpos[where]
             data.qvel[ignored] = 0
-    speed = float(np.abs(data.qvel).max(initial=0))
-    return speed if np.isfinite(speed) else float("inf")
+        if step in (steps // 2, steps - 1):
+            speed = float(np.abs(data.qvel).max(initial=0))
+            speeds.append(speed if np.isfinite(speed) else float("inf"))
+    return speeds[0], speeds[-1]

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.stiffness import modes
 
 ITERATIONS = 80
@@ -63,7 +64,7 @@ def newton(
         state = balance.at(qpos, dofs)
         residual = state.residual
         gained = residual < 0.5 * best_residual
-        stuck = stuck + 1 if state.held.largest >= 1 - 1e-9 and not residual < 0.9 * best_residual else 0
+        stuck = stuck + 1 if state.held.largest >= SLIDES and not residual < 0.9 * best_residual else 0
         if residual < best_residual:
             best, best_residual = qpos, residual
         if best_residual <= tolerance and (not gained or residual <= TARGET):
@@ -81,7 +82,10 @@ def newton(
         if time.monotonic() > deadline:
             reason = "time spent"
             break
-        found = modes(forces, qpos, dofs, state.free)
+        # Friction that holds follows the pose: its derivative counts, unless it is at a limit, where it has none.
+        follows = 0 < state.held.largest < SLIDES
+        force = (lambda there: balance.at(there, dofs).force) if follows else None
+        found = modes(forces, qpos, dofs, state.free, force)
         push, largest = found.directions.T @ state.force, float(np.abs(found.eigenvalues).max())
         size = float(np.linalg.norm(push))
         soft = np.abs(found.eigenvalues) < max(found.floor, SOFT * largest)

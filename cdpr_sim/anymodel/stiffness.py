@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,16 +44,18 @@ class Modes:
 
 
 def stiffness_of(
-    forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]
+    forces: RestForces,
+    qpos: Float[np.ndarray, " nq"],
+    dofs: Int[np.ndarray, " n"],
+    force: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Float[np.ndarray, "n n"]:
-    """-d net / d q of the degrees of freedom ``dofs``, by central differences."""
+    """-d force / d q of the degrees of freedom ``dofs``, by central differences; default: of the net force."""
+    at = force or (lambda there: forces.net(there).force[dofs])
     matrix = np.empty((len(dofs), len(dofs)))
     step = np.zeros(forces.model.nv)
     for column, dof in enumerate(dofs):
         step[dof] = STEP
-        behind = forces.net(forces.moved(qpos, -step)).force[dofs]
-        ahead = forces.net(forces.moved(qpos, step)).force[dofs]
-        matrix[:, column] = (behind - ahead) / (2 * STEP)
+        matrix[:, column] = (at(forces.moved(qpos, -step)) - at(forces.moved(qpos, step))) / (2 * STEP)
         step[dof] = 0.0
     return matrix
 
@@ -62,9 +65,10 @@ def modes(
     qpos: Float[np.ndarray, " nq"],
     dofs: Int[np.ndarray, " n"],
     free: Float[np.ndarray, "n free"],
+    force: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Modes:
     """Stiffness at a pose, and its modes on the free directions (columns)."""
-    matrix = stiffness_of(forces, qpos, dofs)
+    matrix = stiffness_of(forces, qpos, dofs, force)
     forces.net(qpos)
     mass = forces.mass()[np.ix_(dofs, dofs)]
     within = free.T @ mass @ free
