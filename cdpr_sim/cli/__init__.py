@@ -9,6 +9,7 @@ from cdpr_sim.cli import (
     analysis_commands,
     design_commands,
     equilibrium_commands,
+    model_commands,
     picture_commands,
     robot_commands,
     workspace_commands,
@@ -49,6 +50,8 @@ COMMANDS = {
     "map": workspace_commands.draw_map,
     "check": workspace_commands.check,
     "score": analysis_commands.score,
+    "settle-model": model_commands.settle_model,
+    "diagnose": model_commands.diagnose,
     "video": picture_commands.video,
     "report": picture_commands.report,
 }

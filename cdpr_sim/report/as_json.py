@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from cdpr_sim.analysis.identification import Identification
     from cdpr_sim.analysis.modes import Modes
     from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+    from cdpr_sim.anymodel.diagnose import ModelDiagnosis
+    from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium
     from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
     from cdpr_sim.core.problem import Problem
     from cdpr_sim.core.robot import Robot
@@ -230,3 +232,58 @@ def fields(result: object, *names: str) -> dict[str, Any]:
 def _finite(values: ArrayLike) -> list:
     """Infinite values as null, since JSON has no infinity."""
     return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload]
+
+
+def model_equilibrium(model: Any, equilibrium: ModelEquilibrium) -> dict[str, Any]:
+    """Static equilibrium of a MuJoCo model."""
+    from cdpr_sim.anymodel.names import joint_name
+    from cdpr_sim.anymodel.tendons import PARTS
+
+    tensions, agreement = equilibrium.tendon_tensions, equilibrium.agreement
+    ends = [*model.jnt_qposadr[1:].tolist(), int(model.nq)] if model.njnt else []
+    return {
+        "way": equilibrium.way,
+        "stability": equilibrium.stability.name.lower(),
+        "agrees": None if agreement is None else agreement.agrees,
+        "residual": equilibrium.residual,
+        "qpos": equilibrium.qpos.tolist(),
+        "act": equilibrium.act.tolist(),
+        "ctrl": equilibrium.ctrl.tolist(),
+        "joints": {
+            joint_name(model, joint): equilibrium.qpos[int(model.jnt_qposadr[joint]) : end].tolist()
+            for joint, end in enumerate(ends)
+        },
+        "tendons": [
+            {"name": name, "tension": float(tensions.total[row]), "slack": bool(tensions.slack[row])}
+            | {part: float(getattr(tensions, part)[row]) for part in PARTS}
+            for row, name in enumerate(tensions.names)
+        ],
+        "contacts": [
+            {"bodies": list(one.bodies), "position": one.position.tolist(), "normal": one.normal}
+            | {"friction": one.friction, "share": one.share}
+            for one in equilibrium.contact_forces
+        ],
+        "friction_share": equilibrium.friction_share,
+        "creep": equilibrium.creep,
+        "stiffness_eigenvalues": equilibrium.stiffness_eigenvalues.tolist(),
+        "neutral": list(equilibrium.neutral),
+        "iterations": dict(equilibrium.iterations),
+        "notes": list(equilibrium.notes),
+    }
+
+
+def diagnosis(found: ModelDiagnosis) -> dict[str, Any]:
+    """What is wrong with a MuJoCo model; of a time step without limit, null."""
+    return {
+        "findings": [
+            {"kind": one.kind.name.lower(), "element": one.element, "problem": one.problem, "remedy": one.remedy}
+            for one in found.findings
+        ],
+        "fastest_period": _or_null(found.fastest_period),
+        "stable_time_steps": {integrator: _or_null(step) for integrator, step in found.stable_time_steps.items()},
+        "notes": list(found.notes),
+    }
+
+
+def _or_null(value: float) -> float | None:
+    return value if np.isfinite(value) else None
