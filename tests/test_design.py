@@ -287,6 +287,7 @@ def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     done = cdpr.find_layout(parallel, LINE, within=0.1, generations=40, store=store)
     assert np.array_equal(done.robot.exits, better.robot.exits)
     assert len(again.history) == 40
+    np.testing.assert_array_equal(again.history[:, 1], better.history[:, 1])  # of layouts evaluated
     other = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, seed=1, polish=False)
     assert not np.array_equal(other.robot.exits, first.robot.exits)
     with pytest.raises(cdpr.InvalidInput, match="holds a search with other arguments"):

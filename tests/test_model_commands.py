@@ -61,6 +61,17 @@ def test_the_table_of_settle_model_is_as_reviewed(box, snapshot):
     snapshot("outputs/settle-model.txt", told, 1e-3)
 
 
+def test_a_model_without_tendons_has_a_table(box):
+    """Of its joints alone."""
+    (box / "spring.xml").write_text(
+        '<mujoco><worldbody><body><joint name="spring" type="slide" axis="0 0 1" stiffness="100"/>'
+        '<geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    )
+    result = run("settle-model", "spring.xml")
+    assert result.exit_code == 0, result.stderr
+    assert re.search(r"spring +mm +0.000 +-98.100", result.stdout)
+
+
 def test_the_numbers_of_settle_model_are_those_of_free_bodies(box):
     """The rope carries 9.81 N and is 9.81 mm longer; the arm's spring carries 2.3 kg; the slack rope nothing."""
     result = run("settle-model", "box.xml", "--json")
