@@ -123,6 +123,8 @@ REFUSED = [
     (robot, dict(pulley_radius=[0, 1e-7, 0]), "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point"),
     (robot, dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
     (robot, dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),
+    (robot, dict(material="a\nb"), "material: found .*, expected printable characters only"),
+    (robot, dict(material=5), "material: found 5, expected text"),
     (robot, dict(linear_density="material"), "linear_density: found 'material' without a material"),
     # Laws whose tension falls before a strain of 20 %; test_robot.py has those that just rise.
     *[
