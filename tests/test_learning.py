@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.learning import ENVIRONMENTS
@@ -150,7 +151,7 @@ def test_a_randomised_robot_is_that_robot():
 
 
 def test_what_is_observed_and_rewarded():
-    """In the documented order; the terms with their weights are the reward, and a fall ends an episode."""
+    """In the documented order; the terms with their weights are the reward."""
     environment = made("Reach-v0", rewards={"slack": 0.5})
     goal, start = np.array([0.4, 0.25, 0.1]), (0.3, 0.25, 0.1)
     observation, _ = environment.reset(seed=4, options={"waypoints": [goal], "start": start})
@@ -177,12 +178,27 @@ def test_what_is_observed_and_rewarded():
         assert info[f"reward_{name}"] == pytest.approx(term, rel=1e-6), name
     weights = REWARDS | {"slack": 0.5}
     assert reward == pytest.approx(sum(weights[name] * term for name, term in terms.items()), rel=1e-6)
+
+
+@pytest.mark.parametrize(("robot", "why"), [("cogiro", "turned"), ("planar-vertical", "far")])
+def test_a_platform_that_is_far_away_or_turned_over_has_fallen(robot, why):
+    """Farther than half the mean length of its cables, as ``track`` judges, or upside down: this ends an episode."""
+    environment, reasons = made("Reach-v0", robot=robot), {"far": False, "turned": False}
+    home = environment.unwrapped.task.robot.home
+    environment.reset(seed=4, options={"waypoints": [home]})
+    let_out = np.ones(environment.action_space.shape, dtype=np.float32)
+    if why == "turned":
+        let_out[:3] = 0
     for _ in range(200):
-        *_, fallen, ended, info = environment.step(np.ones(8, dtype=np.float32))
+        seen, _, fallen, ended, info = environment.step(let_out)
+        n = len(let_out)
+        reasons["far"] = info["position_error"] > 0.5 * seen[12 + n : 12 + 2 * n].mean()
+        reasons["turned"] = Rotation.from_rotvec(seen[3:6]).as_matrix()[2, 2] < 0
+        assert fallen == any(reasons.values())
+        assert info["reward_fall"] == -fallen
         if fallen or ended:
             break
-    assert fallen
-    assert info["reward_fall"] == -1
+    assert reasons[why]
 
 
 def test_at_the_target_errors_are_zero_and_finite():

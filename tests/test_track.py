@@ -23,7 +23,6 @@ STIFF = cdpr.load_robot("cogiro")
 COPIED = 1e-12
 """[m] Of numbers that are handed on, or computed anew with other roundings."""
 
-
 HELD = 1e-3
 """Fraction by which winches miss a tension of sagging or nonlinear cables while the platform moves."""
 

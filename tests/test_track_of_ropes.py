@@ -1,4 +1,4 @@
-"""Motions of robots whose ropes have a memory: the law in each time step, slow motions, energy, and what rests."""
+"""Motions of robots whose ropes have a memory: the law in each time step, held tensions, and what controllers plan."""
 
 from __future__ import annotations
 
