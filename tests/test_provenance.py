@@ -9,6 +9,7 @@ import itertools
 import json
 from pathlib import Path
 
+import made_up
 import numpy as np
 import pytest
 from inputs import row, run
@@ -125,7 +126,9 @@ def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
     rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
     assert [row[-1] for row in rows[-2:]] == ["neither", "leaves"]
     assert (result.exit_code, "MuJoCo reaches 2 instead" in result.stdout) == (1, True)
-    told = json.loads(run(*words, "--json").stdout)
+    monkeypatch.setattr(cdpr, "certify_all", lambda problem, time_limit: made_up.complete(made_up.UNDECIDED))
+    told = json.loads(run(*words, "--certify", "--json").stdout)
+    assert (told["proved_complete"], len(told["proved"]), len(told["undecided"])) == (False, 2, 1)
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
     assert (told["reached"], told["reached_in_mujoco"]) == (0, 1)
     assert set(asked) == {(True, 2.0), (False, 20.0)}
