@@ -409,13 +409,6 @@ def test_the_index_is_that_of_every_matrix_in_the_enclosure():
         assert index_of(np.array([[ball(1, 1.1), ball(0)], [ball(0), ball(1)]])) is None
 
 
-def test_without_python_flint_one_sentence_says_what_to_install(monkeypatch, solved):
-    """The package is imported without it; only a proof needs it."""
-    monkeypatch.setitem(sys.modules, "flint", None)
-    with pytest.raises(cdpr.MissingExtra, match=r'pip install "cdpr-sim\[proof\]"'):
-        cdpr.certify(solved)
-
-
 def test_certify_prints_what_is_proved_of_both_methods():
     """With status 0; and of what cannot be proved, with status 1 and the reason."""
     result = run("certify", "parallel", "--pose", "0.285", "0.25", "0.1")
