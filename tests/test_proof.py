@@ -369,6 +369,15 @@ def test_no_equilibrium_is_not_proved(solved):
     assert proof.reasons
 
 
+def test_a_cable_with_mass_that_ends_on_its_wheel_is_not_proved():
+    """Its rest length is less than what lies on the wheel: it has no end, which is a reason and no error."""
+    found = cdpr.solve(problem_of("mass and all"))
+    short = dataclasses.replace(found.problem, rest_lengths=np.full(8, 1e-3))
+    proof = faulty(found, problem=short)
+    assert not proof.exists
+    assert proof.reasons
+
+
 def test_a_cable_exactly_at_its_rest_length_is_neither_taut_nor_slack():
     """A bar on two vertical cables, stretched from 1 m to 1.5 m, and a third of exactly 1.5 m in the middle.
 
