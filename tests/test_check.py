@@ -211,21 +211,6 @@ def test_one_thread_and_many_settle_alike():
     assert one.identical(many)
 
 
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        (dict(robots="paralel"), "did you mean parallel"),
-        (dict(grid=(0, 1, 1)), "at least 1"),
-        (dict(materials=[]), "at least one"),
-        (dict(robots=["cogiro", "two-cable"]), "different workspaces"),
-    ],
-)
-def test_check_refuses_what_cannot_be_right(asked, message):
-    """Before anything settles."""
-    with pytest.raises(cdpr.CdprError, match=message):
-        cdpr.check(**(dict(robots="cogiro") | asked))
-
-
 def test_cross_residuals_are_compared_with_the_load(monkeypatch, catalogue):
     """A hundred-thousandth of the weight: a little less agrees, a little more does not."""
     robot = catalogue["cogiro"]
@@ -320,10 +305,6 @@ def test_single_poses_are_checked_instead_of_a_grid():
     np.testing.assert_array_equal(
         poses.dataset["position_error"].values.ravel(), grid.dataset["position_error"].values.ravel()
     )
-    with pytest.raises(cdpr.InvalidInput, match="axis: found a check of single poses"):
-        poses.across()
-    with pytest.raises(cdpr.InvalidInput, match="poses: found none"):
-        cdpr.check("cogiro", poses=[])
     assert "2 poses" in repr(poses)
 
 

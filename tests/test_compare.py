@@ -137,19 +137,10 @@ def halfway_between(a, b):
     return a.pose * RigidTransform.from_exp_coords((a.pose.inv() * b.pose).as_exp_coords() / 2)
 
 
-def test_different_problems_are_not_compared(catalogue):
-    """Answers to two questions can neither agree nor disagree."""
+def test_names_and_workspaces_do_not_make_problems_different(catalogue):
+    """Nor where the platform was released: only what the equilibrium depends on."""
     robot = catalogue["parallel"]
     static = cdpr.solve(robot, (0.3, 0.25, 0.1))
-    for other in [
-        cdpr.settle(robot, (0.31, 0.25, 0.1)),
-        cdpr.settle(robot, (0.3, 0.25, 0.1), external_wrench=[0, 0, 0.1, 0, 0, 0]),
-        cdpr.settle(robot.replace(mass=0.41), (0.3, 0.25, 0.1)),
-        cdpr.settle(robot.replace(axial_stiffness=1.001e4), (0.3, 0.25, 0.1)),
-        cdpr.settle(robot.replace(center_of_mass=(0, 0, 0.001)), (0.3, 0.25, 0.1)),
-    ]:
-        with pytest.raises(cdpr.InvalidInput, match="two problems"):
-            cdpr.compare(static, other)
     same = robot.replace(name="the same in another place", workspace=[[0, 0, 0], [1, 1, 1]])
     from_elsewhere = cdpr.settle(same, (0.32, 0.25, 0.12), static.rest_lengths)
     assert cdpr.compare(static, from_elsewhere).verdict is Verdict.AGREE

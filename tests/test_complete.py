@@ -302,6 +302,8 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
             assert middles(complete._in_chart(member, chart)) == pytest.approx(here, abs=1e-12)
             assert complete._in_balls(member, chart, np.stack([here - 1e-9, here + 1e-9], 1))
             assert not complete._in_balls(member, chart, np.stack([here + 1e-4, here + 2e-4], 1))
+            boxed = dataclasses.replace(member, box=np.stack([here - 1e-3, here + 1e-3, here], 1))
+            assert complete._same(boxed, member) is complete._same(member, boxed) is True  # whichever has the box
 
 
 # --- what is undecided, and what stops

@@ -1,7 +1,6 @@
 """Better layouts: batches over robots, symmetry, bounds, exact slopes, the search, and what MuJoCo says of it."""
 
 import dataclasses
-import sys
 
 import numpy as np
 import pytest
@@ -72,8 +71,6 @@ def test_symmetries_are_found_and_not_imagined(parallel):
     assert len(group(parallel.replace(exits=exits), "detected")) == 1
     assert len(group(parallel.replace(center_of_mass=(0.001, 0, 0)), "detected")) == 2  # the mirror in y is left
     assert len(group(parallel, ["mirror-x", "mirror-y"])) == 4
-    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' does not have: the image of cable 1 is"):
-        group(cdpr.load_robot("cogiro"), "mirror-x")
 
 
 def test_every_symmetry_takes_each_cable_to_its_image(parallel):
@@ -89,8 +86,6 @@ def test_every_symmetry_takes_each_cable_to_its_image(parallel):
     assert len(group(parallel.replace(**wheels), "detected")) == 2  # the mirror that changes y alone
     stiffer = parallel.replace(axial_stiffness=[1e4] * 7 + [2e4])
     assert len(group(stiffer, "detected")) == 1
-    with pytest.raises(cdpr.InvalidInput, match="has other properties than its image"):
-        group(stiffer, "half-turn")
 
 
 def test_the_search_begins_at_the_nearest_layout_within_bounds(parallel):
@@ -451,7 +446,7 @@ def test_every_objective_is_improved(name: str, parallel):
 
 
 def test_a_function_of_ones_own_is_an_objective(parallel):
-    """Of all rests at once, (layouts, cases); what it returns is checked."""
+    """Of all equilibria at once, (layouts, cases)."""
     found = cdpr.find_layout(
         parallel,
         LINE,
@@ -461,13 +456,6 @@ def test_a_function_of_ones_own_is_an_objective(parallel):
         stiffness=[0.5, 2],
     )
     assert found.after == pytest.approx(cdpr.solve_many(found.cases.problems(found.robot)).tilt.sum(), abs=1e-7)
-    for wrong, sentence in (
-        (lambda equilibria: np.full(len(equilibria), np.nan), "returned nan"),
-        (lambda equilibria: 1.0, "returned shape ()"),
-        (lambda equilibria: "no", "expected numbers"),
-    ):  # fmt: skip
-        with pytest.raises(cdpr.InvalidInput, match=sentence.replace("(", r"\(").replace(")", r"\)")):
-            cdpr.find_layout(parallel, LINE, within=0.05, objective=wrong, generations=2)
 
 
 def test_heavy_cables_are_laid_out_as_well():
@@ -477,48 +465,6 @@ def test_heavy_cables_are_laid_out_as_well():
     found = cdpr.find_layout(heavy, poses, within=0.3, objective="worst deviation", generations=4, population=12)
     assert found.after < found.before
     assert np.linalg.norm(cdpr.solve_many(found.robot, poses).deviation, axis=-1).max() == pytest.approx(found.after)
-
-
-REFUSED = {
-    "crossed": (dict(within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
-    "no image in the box": (dict(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
-    "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
-    "no bounds": (dict(), "within: found none for exits"),
-    "nothing": (dict(within=0.0), "within: found no point that can move"),
-    "no pulleys": (dict(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
-    "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
-    "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),
-    "no such goal": (
-        dict(within=0.1, objective="worst tlit"),
-        "unknown objective 'worst tlit': did you mean worst tilt or",
-    ),
-    "no such constraint": (dict(within=0.1, subject_to={"taut": True}), "unknown constraint 'taut'"),
-    "below one": (dict(move="diameter", within=0.5), "within: found a factor of 0.5"),
-    "no such cable": (dict(move=Move("exits", 0.1, cables=(9,))), "cables: found cable 9, expected 1 to 8"),
-    "factor": (dict(within=0.1, stiffness=0), "stiffness: found 0"),
-}
-
-
-@pytest.mark.parametrize("why", REFUSED)
-def test_what_cannot_be_is_refused_in_a_sentence(why: str, parallel):
-    """Which field, what was found, what is expected."""
-    asked, sentence = REFUSED[why]
-    with pytest.raises(cdpr.CdprError) as raised:
-        cdpr.find_layout(parallel, LINE, generations=2, **asked)
-    assert str(raised.value).startswith(sentence)
-    assert "\n" not in str(raised.value)
-
-
-def test_what_no_layout_can_do_is_said(parallel):
-    """A pose above every exit; constraints that nothing meets, with the one that is missed the most."""
-    with pytest.raises(
-        cdpr.InvalidInput, match=r"equilibrium at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"
-    ):
-        cdpr.find_layout(parallel, [(0.4, 0.25, 0.1), (0.4, 0.25, 0.9)], within=0.05, generations=2)
-    asked = {"tensions": (0.0, 1.5), "lowest tension": 100.0}
-    with pytest.raises(cdpr.InvalidInput, match="violates 'lowest tension at least 100 N' the most") as raised:
-        cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
-    assert "and also tensions from 0 to 1.5 N" in str(raised.value)
 
 
 def test_a_front_trades_displacement_against_tilt(parallel):
@@ -534,10 +480,3 @@ def test_a_front_trades_displacement_against_tilt(parallel):
     assert cdpr.solve_many(front.robot(len(front) - 1), LINE).tilt.max() == pytest.approx(tilt[-1], abs=1e-9)
     with pytest.raises(cdpr.InvalidInput, match="satisfies all constraints"):
         cdpr.find_front(parallel, LINE, within=0.01, generations=1, population=5, subject_to={"lowest tension": 9.0})
-
-
-def test_a_front_without_pymoo_says_how_to_get_it(parallel, monkeypatch):
-    """In a sentence."""
-    monkeypatch.setitem(sys.modules, "pymoo", None)
-    with pytest.raises(cdpr.MissingExtra, match=r'pip install "cdpr-sim\[design\]"'):
-        cdpr.find_front(parallel, LINE, within=0.1)

@@ -3,17 +3,13 @@
 And what users give that cannot be right: one sentence of the package's own, whatever it is.
 """
 
-import inspect
-
 import numpy as np
 import pytest
 from sample_problems import random_problem
-from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis import equilibria
 from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN
-from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.compensation_check import held
 
 
@@ -100,74 +96,10 @@ def test_the_search_for_saddles_goes_on_until_none_is_known_to_be_missing(catalo
     assert (len(found.stable), len(found.unstable)) == (1, 1)
 
 
-unchecked = inspect.unwrap
 """The function as users have it, without the annotations that conftest.py has checked."""
-
-
-def cogiro() -> cdpr.Robot:
-    return cdpr.load_robot("cogiro")
-
-
-POSES = np.tile([0.4, 0.25, 0.2], (3, 1))
-TURNED = np.tile(np.eye(3), (2, 1, 1))
-
-
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda: cdpr.solve_many(cogiro(), POSES, rotations=TURNED),
-        lambda: cdpr.solve_many(cogiro(), POSES, rotations=np.eye(2)),
-        lambda: cdpr.solve_many(cogiro(), POSES, rotations=2 * np.eye(3)),
-        lambda: cdpr.solve_many(cogiro(), POSES, rotations=np.diag([1, 1, -1])),
-        lambda: cdpr.solve_many(cogiro(), POSES, np.ones((2, 8))),
-        lambda: cdpr.solve_many(cogiro(), POSES, np.ones(7)),
-        lambda: cdpr.solve_many(cogiro(), POSES, external_wrench=np.ones((2, 6))),
-        lambda: cdpr.solve_many(cogiro(), POSES, external_wrench=np.ones(5)),
-        lambda: cdpr.solve_many(cogiro(), POSES, mass=-1),
-        lambda: cdpr.solve_many(cogiro(), POSES, mass=[1, 2]),
-        lambda: cdpr.settle_many(cogiro(), []),
-        lambda: cdpr.settle_many(cogiro(), POSES, external_wrench=np.ones((2, 6))),
-        lambda: cdpr.feasible(cogiro(), POSES, rotations=TURNED),
-        lambda: cdpr.feasible(cogiro(), POSES, rotations=np.eye(2)),
-        lambda: cdpr.feasible(cogiro(), POSES, wrenches=np.ones((2, 5))),
-        lambda: feasible_by_linprog(cogiro(), [1, 2]),
-        lambda: unchecked(cdpr.find_equilibria)(cogiro(), POSES[0], starts=2.5),
-        lambda: cdpr.find_equilibria(cogiro(), POSES[0], seed=-1),
-        lambda: unchecked(cdpr.drive)(cogiro(), POSES, states=2.5),
-        lambda: unchecked(cdpr.drive)(cogiro(), 3),
-        lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=0),
-        lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=np.nan),
-        lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=1e300),
-        lambda: cdpr.release(cdpr.solve(cogiro(), POSES[0]), seconds=1e300),
-        lambda: cdpr.solve(cogiro(), [1e300, 0, 0]),
-        lambda: cdpr.solve(cogiro(), RigidTransform.from_translation([np.nan, 0, 0])),
-        lambda: cdpr.solve_many(cogiro(), [[1e300, 0, 0]]),
-        lambda: cdpr.settle(cogiro(), POSES[0], external_wrench=[1e300] * 6),
-        lambda: cdpr.clearances(cogiro(), POSES).free(np.nan),
-        lambda: cdpr.Move("exits", 1e300),
-        lambda: cdpr.sweep("cogiro", (10**9, 10**9, 10**9)),
-        lambda: cdpr.Measurements.of(POSES, np.ones((3, 2)), coordinates=("x", "x")),
-        lambda: cdpr.Measurements.of(POSES, np.ones((3, 0)), coordinates=()),
-    ],
-)
-def test_what_cannot_be_right_gets_one_sentence_of_our_own(ask):
-    """Not NumPy's words for shapes, nor a TypeError."""
-    with pytest.raises(cdpr.InvalidInput) as caught:
-        ask()
-    assert "\n" not in str(caught.value)
 
 
 def test_a_pose_that_is_no_number_is_not_held():
     """It is a mark, as elsewhere: no LinAlgError of NumPy's."""
     held = cdpr.closed_form_feasible(cdpr.load_robot("ipanema-1"), [[0, 0, 1], [np.nan, 0, 1]])
     assert held.tolist() == [True, False]
-
-
-@pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])
-def test_a_files_bad_line_is_named_as_an_editor_counts(tmp_path, cells):
-    """Comments and empty lines count."""
-    path = tmp_path / "poses.csv"
-    head = "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]"
-    path.write_text(f"# by tracker\n\n{head}\n400,250,100,99\n# again\n{cells}\n", encoding="utf-8")
-    with pytest.raises(cdpr.InvalidInput, match="line 6"):
-        cdpr.read_measurements(path)

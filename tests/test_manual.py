@@ -1,11 +1,13 @@
 """README and the manual say what is so: their Python and their commands run, their links lead somewhere."""
 
+import hashlib
 import importlib.util
 import inspect
 import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -56,27 +58,24 @@ NEEDED = {"docs/how-to/gradients.md": "jax", "docs/how-to/warp.md": "mujoco_warp
 
 @pytest.fixture(scope="session")
 def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., list]]:
-    """Runs blocks of a page in new processes in a folder, with the wheel that is built once for all workers."""
+    """Runs blocks of a page in new processes in a folder, with a wheel that is built where sources changed.
+
+    It has one place, since compiled code belongs to a place.
+    """
     filelock = pytest.importorskip("filelock")
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
-    wheel = shared / "wheel"
-    with filelock.FileLock(shared / "wheel.lock"):
-        if not wheel.exists():
-            command = [
-                sys.executable,
-                "-m",
-                "pip",
-                "install",
-                "-q",
-                "--no-deps",
-                "--target",
-                str(shared / "new"),
-                str(ROOT),
-            ]
-            alone = [] if importlib.util.find_spec("hatchling") is None else ["--no-build-isolation"]
-            subprocess.run([*command, *alone], check=True, timeout=100)
-            (shared / "new").rename(wheel)
+    shared, wheel = tmp_path_factory.getbasetemp(), ROOT / ".pytest_cache" / "wheel"
+    packed = [ROOT / "pyproject.toml", *sorted(path for path in (ROOT / "cdpr_sim").rglob("*.[pt]*") if path.is_file())]
+    key = hashlib.sha256(b"\0".join(path.read_bytes() for path in packed if path.suffix != ".pyc")).hexdigest()
+    wheel.parent.mkdir(exist_ok=True)
+    with filelock.FileLock(wheel.with_suffix(".lock")):
+        if not (wheel / key).exists():
+            shutil.rmtree(wheel, ignore_errors=True)
+            install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(wheel)]
+            install += ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
+            subprocess.run([*install, str(ROOT)], check=True, timeout=100)
+            for path in wheel.rglob("*.py"):
+                os.utime(path, (1e9, 1e9))  # code that was compiled from the same sources in this place is used again
+            (wheel / key).touch()
     path = os.pathsep.join([str(wheel / "bin"), os.environ["PATH"]])
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork has no other thread
     server = subprocess.Popen(

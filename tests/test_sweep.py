@@ -239,33 +239,6 @@ def test_layouts_mirror_symmetry_shows_in_the_map(dataset):
     np.testing.assert_allclose(tilt.where(held), tilt.where(held).values[::-1], rtol=0, atol=1e-8)  # 1e-10 measured
 
 
-@pytest.mark.parametrize(
-    ("asked", "error", "message"),
-    [
-        (dict(robots=[]), cdpr.InvalidInput, "robots: found none"),
-        (dict(robots=["cogiro", "cogiro"]), cdpr.InvalidInput, "found 2 called 'cogiro'"),
-        (dict(robots="cogira"), cdpr.UnknownName, "did you mean cogiro"),
-        (dict(materials=[]), cdpr.InvalidInput, "expected at least one"),
-        (dict(materials=["fishing-0.4mm"] * 2), cdpr.InvalidInput, "none twice"),
-        (dict(materials=["nylon"]), cdpr.UnknownName, "nylon"),
-        (dict(materials="fishing-0.4mm"), cdpr.InvalidInput, "expected a list"),
-        (dict(materials={"rubber": -1.0}), cdpr.InvalidInput, "more than 0"),
-        (dict(quantities=["tild"]), cdpr.UnknownName, "did you mean tilt"),
-        (dict(tension_limits=(2, 1)), cdpr.InvalidInput, "tau_min <= tau_max"),
-        (dict(grid=(0, 1, 1)), cdpr.InvalidInput, "at least 1"),
-        (dict(orientation=(0, 0)), cdpr.InvalidInput, "orientation"),
-        (dict(robots="two-cable", orientation=(0.1, 0, 0)), cdpr.InvalidInput, "planar"),
-        (dict(robots="two-cable", external_wrench=[0, 1.0, 0, 0, 0, 0]), cdpr.InvalidInput, "planar"),
-        (dict(external_wrench=[1.0]), cdpr.InvalidInput, "external_wrench"),
-        (dict(chunk=0), cdpr.InvalidInput, "chunk"),
-    ],
-)
-def test_sweep_refuses_what_cannot_be_right_before_it_begins(asked, error, message):
-    """One sentence that names the field, and no work done."""
-    with pytest.raises(error, match=message):
-        cdpr.sweep(**(dict(robots="parallel", grid=(2, 2, 2)) | asked), compute=False)
-
-
 def test_cluster_of_processes_computes_the_same_sweep(tmp_path):
     """A real local cluster: once a Client is connected, nothing else changes, in memory and into Zarr."""
     distributed = pytest.importorskip("distributed")
@@ -310,10 +283,6 @@ def test_sweep_over_poses_is_the_one_of_a_grid_at_each():
         for name in single.data_vars:
             np.testing.assert_array_equal(along[name].isel(pose=row), single[name], err_msg=str(name))
     assert along["z"].isel(pose=1) == 0.1
-    with pytest.raises(cdpr.InvalidInput, match="poses: found them with a store"):
-        cdpr.sweep("cogiro", poses=poses, store="new.nc")
-    with pytest.raises(cdpr.InvalidInput, match="poses: found them besides a grid"):
-        cdpr.sweep("cogiro", (2, 2, 2), poses=poses)
 
 
 SETTLED = dict(robots=["parallel", "cogiro"], grid=(3, 2, 2), quantities=["position", "settled"])

@@ -1,0 +1,274 @@
+"""What analysis, workspaces, design, comparison and proofs refuse: a call, and words of its one sentence."""
+
+import functools
+import inspect
+import re
+import sys
+
+import numpy as np
+import pytest
+from sample_problems import hanging_mass
+from scipy.spatial.transform import RigidTransform
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
+from cdpr_sim.analysis.workspace.grids import as_grid, plane
+from cdpr_sim.cli import app
+from cdpr_sim.design.symmetry import group
+from cdpr_sim.proof import complete
+from cdpr_sim.robots.robot_file_text import as_toml
+from cdpr_sim.statics import two_cable_closed_form
+
+unchecked = inspect.unwrap
+"""The function as users have it, without the annotations that conftest.py has checked."""
+
+robot = functools.cache(cdpr.load_robot)
+POSE, POSES, TURNED = (0.3, 0.25, 0.1), np.tile([0.4, 0.25, 0.2], (3, 1)), np.tile(np.eye(3), (2, 1, 1))
+LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]
+
+
+def compensate(**given):
+    return lambda: cdpr.compensate(robot("cogiro"), **({"pose": POSE} | given))
+
+
+def sweep(**given):
+    return lambda: cdpr.sweep(**({"robots": "parallel", "grid": (2, 2, 2)} | given), compute=False)
+
+
+def check(**given):
+    return lambda: cdpr.check(**({"robots": "cogiro"} | given))
+
+
+def layout(given="parallel", **asked):
+    return lambda: cdpr.find_layout(robot(given), LINE, generations=2, **asked)
+
+
+def grid(counts, *names):
+    return lambda: as_grid(counts, [robot(name) for name in names or ["parallel"]])
+
+
+def area(name, points=9, of="parallel"):
+    return lambda: plane(name, None, points, [robot(of)])
+
+
+def closed_form(of="two-cable", **changes):
+    return lambda: two_cable_closed_form.equilibrium_rotations(robot(of).replace(**changes), (0.4, 0, 0.2))
+
+
+def certify_all(rest=(0.5,) * 4, **changes):
+    return lambda: cdpr.certify_all(robot("planar-vertical").replace(**changes), list(rest))
+
+
+def beside(function, name, **given):
+    problem = cdpr.Problem.of(robot("planar-vertical"), (0.4, 0, 0.1))
+    return lambda: function(problem, **given), f"{name}: found one beside a Problem"
+
+
+def compared(**changes):
+    def ask():
+        mine, pose = robot("parallel"), changes.get("pose", POSE)
+        other = mine.replace(**{name: one for name, one in changes.items() if name not in ("pose", "wrench")})
+        cdpr.compare(cdpr.solve(mine, POSE), cdpr.settle(other, pose, external_wrench=changes.get("wrench")))
+
+    return ask
+
+
+REFUSED = [
+    (compensate(tension_limits=(2, 1)), "found a smallest tension of 2 N above the largest, 1 N"),
+    (compensate(tension_limits=(-1, 1)), "found a smallest tension of -1 N"),
+    (compensate(tension_limits=(0, np.nan)), "above the largest, nan N"),
+    (compensate(tension_limits=(np.nan, 1)), "found a smallest tension of nan N"),
+    (compensate(tension_limits=3), "expected \\(smallest, largest\\)"),
+    (compensate(tension_limits=(0, [1, 2])), "expected \\(smallest, largest\\)"),
+    (compensate(arm=-1), "arm: found -1 m"),
+    (compensate(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
+    (compensate(pose=(0.4, np.nan, 0.1)), "pose: found"),
+    (compensate(external_wrench=[1, 2]), "external_wrench: found an array of shape"),
+    (compensate(prefer="stifest"), "did you mean stiffest"),
+    beside(cdpr.compensate, "pose", pose=POSE),
+    beside(cdpr.compensate, "external_wrench", external_wrench=np.zeros(6)),
+    pytest.param(  # one cable cannot carry 20 N with 50 N, wherever the platform goes
+        lambda: cdpr.compensate(hanging_mass().robot, (0, 0, 1), tension_limits=(50, 60)),
+        "found no pose near the commanded one",
+        marks=pytest.mark.slow,
+    ),
+    (
+        lambda: cdpr.compensate(robot("cogiro-crane").replace(linear_density=20.0), (1, 1, 2), tensions=(0.0, 1e6)),
+        r"N in cable 1, which weighs \S+ N, expected at least what its weight alone gives",
+    ),
+    (sweep(robots=[]), "robots: found none"),
+    (sweep(robots=["cogiro", "cogiro"]), "found 2 called 'cogiro'"),
+    (sweep(robots="cogira"), "did you mean cogiro"),
+    (sweep(materials=[]), "expected at least one"),
+    (sweep(materials=["fishing-0.4mm"] * 2), "none twice"),
+    (sweep(materials=["nylon"]), "nylon"),
+    (sweep(materials="fishing-0.4mm"), "expected a list"),
+    (sweep(materials={"rubber": -1.0}), "more than 0"),
+    (sweep(quantities=["tild"]), "did you mean tilt"),
+    (sweep(tension_limits=(2, 1)), "tau_min <= tau_max"),
+    (sweep(grid=(0, 1, 1)), "at least 1"),
+    (sweep(orientation=(0, 0)), "orientation"),
+    (sweep(robots="two-cable", orientation=(0.1, 0, 0)), "planar"),
+    (sweep(robots="two-cable", external_wrench=[0, 1.0, 0, 0, 0, 0]), "planar"),
+    (sweep(external_wrench=[1.0]), "external_wrench"),
+    (sweep(chunk=0), "chunk"),
+    (lambda: cdpr.sweep("cogiro", poses=[POSE], store="new.nc"), "poses: found them with a store"),
+    (lambda: cdpr.sweep("cogiro", (2, 2, 2), poses=[POSE]), "poses: found them besides a grid"),
+    (check(robots="paralel"), "did you mean parallel"),
+    (check(grid=(0, 1, 1)), "at least 1"),
+    (check(materials=[]), "at least one"),
+    (check(robots=["cogiro", "two-cable"]), "different workspaces"),
+    (check(poses=[]), "poses: found none"),
+    (lambda: cdpr.check("cogiro", poses=[POSE]).across(), "axis: found a check of single poses"),
+    (compared(pose=(0.31, 0.25, 0.1)), "two problems"),
+    (compared(wrench=[0, 0, 0.1, 0, 0, 0]), "two problems"),
+    (compared(mass=0.41), "two problems"),
+    (compared(axial_stiffness=1.001e4), "two problems"),
+    (compared(center_of_mass=(0, 0, 0.001)), "two problems"),
+    (grid((0, 2, 2)), "at least 1"),
+    (grid((-3, 2, 2)), "at least 1"),
+    (grid((2.5, 2, 2)), "whole numbers"),
+    (grid((2, 2)), r"expected shape \(3,\)"),
+    (grid((np.nan, 2, 2)), "finite"),
+    (grid((10**5, 10**5, 10**5)), "positions, expected"),
+    (grid({"x": []}), "expected a list of numbers"),
+    (grid({"x": [0.1, 0.1]}), "expected them to ascend"),
+    (grid({"x": [0.1, np.inf]}), "finite"),
+    (grid({"w": [0.1]}), "found an axis 'w'"),
+    (grid("many"), "expected numbers"),
+    (grid({"y": [0.1]}, "two-cable"), "planar"),
+    (grid((2, 2, 2), "parallel", "planar-vertical"), "different workspaces"),
+    (area("xx"), "expected"),
+    (area("q"), "expected"),
+    (area("xyz"), "expected"),
+    (area("xz", 1), "expected"),
+    (area("xy", of="two-cable"), "expected a plane with an area"),
+    (closed_form("planar-vertical"), "expected a planar bar on two cables"),
+    (closed_form("parallel"), "expected a planar bar on two cables"),
+    (closed_form(center_of_mass=(0, 0, 0.01)), "expected a planar bar on two cables"),
+    (
+        closed_form(exits=robot("two-cable").exits[::-1], anchors=robot("two-cable").anchors[::-1]),
+        "expected a planar bar on two cables",
+    ),
+    (closed_form(pulley_radius=0.01), "found pulleys of 0.01 m"),
+    (certify_all(linear_density=0.01), "kg/m"),
+    (certify_all(gravity=0), "no load"),
+    beside(cdpr.certify_all, "rest_lengths", rest_lengths=[0.5] * 4),
+    beside(cdpr.certify_all, "external_wrench", external_wrench=np.zeros(6)),
+    (layout(within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
+    (layout(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
+    (layout(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
+    (layout(), "within: found none for exits"),
+    (layout(within=0.0), "within: found no point that can move"),
+    (layout(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
+    (layout(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
+    (layout(move="exit", within=0.1), r"unknown move 'exit': did you mean exits\?"),
+    (layout(within=0.1, objective="worst tlit"), "unknown objective 'worst tlit': did you mean worst tilt or"),
+    (layout(within=0.1, subject_to={"taut": True}), "unknown constraint 'taut'"),
+    (layout(move="diameter", within=0.5), "within: found a factor of 0.5"),
+    (lambda: layout(move=cdpr.Move("exits", 0.1, cables=(9,)))(), "cables: found cable 9, expected 1 to 8"),
+    (layout(within=0.1, stiffness=0), "stiffness: found 0"),
+    (layout(within=0.05, objective=lambda found: np.full(len(found), np.nan)), "returned nan"),
+    (layout(within=0.05, objective=lambda found: 1.0), r"returned shape \(\)"),
+    (layout(within=0.05, objective=lambda found: "no"), "expected numbers"),
+    (
+        layout(within=0.02, subject_to={"tensions": (0.0, 1.5), "lowest tension": 100.0}),
+        "violates 'lowest tension at least 100 N' the most.*and also tensions from 0 to 1.5 N",
+    ),
+    (  # above every exit
+        lambda: cdpr.find_layout(robot("parallel"), [(0.4, 0.25, 0.1), (0.4, 0.25, 0.9)], within=0.05, generations=2),
+        r"equilibrium at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m",
+    ),
+    (
+        lambda: group(robot("cogiro"), "mirror-x"),
+        "'mirror-x', which 'cogiro' does not have: the image of cable 1 is",
+    ),
+    (
+        lambda: group(robot("parallel").replace(axial_stiffness=[1e4] * 7 + [2e4]), "half-turn"),
+        "has other properties than its image",
+    ),
+    *(
+        (ask, "found|do not fit one another")
+        for ask in (
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=TURNED),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=np.eye(2)),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=2 * np.eye(3)),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=np.diag([1, 1, -1])),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, np.ones((2, 8))),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, np.ones(7)),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, external_wrench=np.ones((2, 6))),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, external_wrench=np.ones(5)),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, mass=-1),
+            lambda: cdpr.solve_many(robot("cogiro"), POSES, mass=[1, 2]),
+            lambda: cdpr.solve_many(robot("cogiro"), [[1e300, 0, 0]]),
+            lambda: cdpr.settle_many(robot("cogiro"), []),
+            lambda: cdpr.settle_many(robot("cogiro"), POSES, external_wrench=np.ones((2, 6))),
+            lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=TURNED),
+            lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=np.eye(2)),
+            lambda: cdpr.feasible(robot("cogiro"), POSES, wrenches=np.ones((2, 5))),
+            lambda: feasible_by_linprog(robot("cogiro"), [1, 2]),
+            lambda: unchecked(cdpr.find_equilibria)(robot("cogiro"), POSES[0], starts=2.5),
+            lambda: cdpr.find_equilibria(robot("cogiro"), POSES[0], seed=-1),
+            lambda: unchecked(cdpr.drive)(robot("cogiro"), POSES, states=2.5),
+            lambda: unchecked(cdpr.drive)(robot("cogiro"), 3),
+            lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=0),
+            lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=np.nan),
+            lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=1e300),
+            lambda: cdpr.release(cdpr.solve(robot("cogiro"), POSES[0]), seconds=1e300),
+            lambda: cdpr.solve(robot("cogiro"), [1e300, 0, 0]),
+            lambda: cdpr.solve(robot("cogiro"), RigidTransform.from_translation([np.nan, 0, 0])),
+            lambda: cdpr.settle(robot("cogiro"), POSES[0], external_wrench=[1e300] * 6),
+            lambda: cdpr.clearances(robot("cogiro"), POSES).free(np.nan),
+            lambda: cdpr.Move("exits", 1e300),
+            lambda: cdpr.sweep("cogiro", (10**9, 10**9, 10**9)),
+            lambda: cdpr.Measurements.of(POSES, np.ones((3, 2)), coordinates=("x", "x")),
+            lambda: cdpr.Measurements.of(POSES, np.ones((3, 0)), coordinates=()),
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize(("ask", "words"), REFUSED, ids=map(str, range(len(REFUSED))))
+def test_what_cannot_be_right_gets_one_sentence(ask, words):
+    """It names the field, what was found and what is expected: not NumPy's words for shapes, nor a TypeError."""
+    with pytest.raises(cdpr.CdprError, match=words) as caught:
+        ask()
+    assert "\n" not in str(caught.value)
+
+
+def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypatch, tmp_path):
+    """A place that cannot be written; on the command line also cables with mass, before other equilibria are found."""
+    monkeypatch.setattr(complete._Search, "run", lambda *_: pytest.fail("it searches"))
+    monkeypatch.setattr(cdpr, "find_equilibria", lambda *_, **__: pytest.fail("it searches"))
+    with pytest.raises(cdpr.InvalidInput, match="cannot be written"):
+        cdpr.certify_all(robot("planar-horizontal"), [0.5] * 4, store="/proc/search.npz")
+    file = tmp_path / "heavy.toml"
+    file.write_text(as_toml(robot("two-cable").replace(linear_density=5e-4)))
+    told = CliRunner().invoke(app, ["equilibria", str(file), "--certify"])
+    assert told.exit_code == 2
+    assert "found cables of" in told.stderr
+
+
+@pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])
+def test_a_files_bad_line_is_named_as_an_editor_counts(tmp_path, cells):
+    """Comments and empty lines count."""
+    path = tmp_path / "poses.csv"
+    head = "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]"
+    path.write_text(f"# by tracker\n\n{head}\n400,250,100,99\n# again\n{cells}\n", encoding="utf-8")
+    with pytest.raises(cdpr.InvalidInput, match="line 6"):
+        cdpr.read_measurements(path)
+
+
+@pytest.mark.parametrize(
+    ("library", "ask", "extra"),
+    [
+        ("flint", lambda: cdpr.certify(cdpr.solve(robot("cogiro"), POSE)), "proof"),
+        ("pymoo", lambda: cdpr.find_front(robot("parallel"), LINE, within=0.1), "design"),
+    ],
+)
+def test_without_a_library_one_sentence_says_what_to_install(monkeypatch, library, ask, extra):
+    """The package is imported without it; only this work needs it."""
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(cdpr.MissingExtra, match=re.escape(f'pip install "cdpr-sim[{extra}]"')):
+        ask()
