@@ -409,3 +409,23 @@ def test_an_activation_rests_at_its_control_within_its_range(actuator, expected)
     found = cdpr.settle_model(model, ctrl=[3.0])
     assert found.act[0] == pytest.approx(expected)
     assert found.qpos[0] == pytest.approx(data.qpos[0], abs=1e-6)
+
+
+def test_time_steps_that_diverge_on_purpose_leave_no_trace(tmp_path, monkeypatch, capfd):
+    """Neither in the terminal nor in MUJOCO_LOG.TXT; and the user's handler of warnings is the one before."""
+    monkeypatch.chdir(tmp_path)
+    seen: list[str] = []
+    mujoco.set_mju_user_warning(seen.append)
+    try:
+        found = found_in(FINDINGS["a time step of Euler"][0], FindingKind.TIME_STEP)
+        assert len(found) == 1
+        assert seen == []
+        model = mujoco.MjModel.from_xml_string(FINDINGS["a time step of Euler"][0])
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.nan
+        mujoco.mj_step(model, data)
+        assert len(seen) == 1
+    finally:
+        mujoco.set_mju_user_warning(None)
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []

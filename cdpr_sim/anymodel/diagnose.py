@@ -18,6 +18,7 @@ from cdpr_sim.anymodel.forces import write_state
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.names import listed
 from cdpr_sim.anymodel.pushing import pushing
+from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.settle_model import settle_model
 from cdpr_sim.anymodel.time_steps import CALM, GROWN, INTEGRATORS, LIMIT_OF, StableSteps, growth, stable_steps
 from cdpr_sim.core.checks import checked_array, refuse_unless
@@ -132,7 +133,8 @@ def diagnose_model(
     if steps is None:
         notes.append(f"the time step was not judged: the model has {model.nv} degrees of freedom")
     else:
-        findings += _time_step(model, start, steps)
+        with without_warnings():
+            findings += _time_step(model, start, steps)
     order = list(FindingKind)
     return ModelDiagnosis(
         tuple(sorted(findings, key=lambda one: order.index(one.kind))), equilibrium,

@@ -141,7 +141,9 @@ def contact_forces(model: Any, data: Any, states: list[Unbalanced]) -> tuple[Con
     return tuple(found)
 
 
-def creep_of(forces: RestForces, model: Any, qpos: np.ndarray, ignored: np.ndarray, seconds: float) -> tuple[float, float]:
+def creep_of(
+    forces: RestForces, model: Any, qpos: np.ndarray, ignored: np.ndarray, seconds: float
+) -> tuple[float, float]:
     """Largest speed of a coordinate after half a time and all of it, by the model's own time steps [m/s, rad/s].
 
     Args:

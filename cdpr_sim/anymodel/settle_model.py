@@ -21,6 +21,7 @@ from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.motion import STEPS, Motion
 from cdpr_sim.anymodel.names import listed
+from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
 from cdpr_sim.core.checks import checked_array, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
@@ -100,7 +101,7 @@ def settle_model(
         raise NotSettled(reason, None, NoRest.DRIVEN)
     forces.data.act[:] = act
     balance, dofs = Balance(forces, friction), free_dofs(model, names)
-    with saying(progress) as say:
+    with saying(progress) as say, without_warnings():
         return _settled(left, balance, dofs, most_steps, time.monotonic() + seconds, say)
 
 
