@@ -6,16 +6,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.agreement import agreement
 from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.forces import OutOfTime
 from cdpr_sim.anymodel.friction import SLIDES
-from cdpr_sim.anymodel.judged import Judged, contact_forces, creep_of
+from cdpr_sim.anymodel.judged import Judged, contact_forces, creep_of, growth
 from cdpr_sim.anymodel.model_equilibrium import ModelAgreement, ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.motion import MotionEnd
 from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
+from cdpr_sim.anymodel.tendons import tendon_tensions
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.equilibrium import NotSettled, Stability
 
@@ -47,17 +50,41 @@ def equilibrium_at(
     Raises:
         NotSettled: it moves all the same: friction creeps too fast, or an oscillation grows.
     """
-    found, half = _at(model, balance, qpos, dofs, counts, way, by_motion, by_newton)
+    try:
+        found, half = _at(model, balance, qpos, dofs, counts, way, by_motion, by_newton)
+    except OutOfTime:
+        reason = "the forces balance, but the time was spent before the stability was judged: give more seconds"
+        raise NotSettled(reason, None, NoRest.NOT_CONVERGED) from None
+    finally:
+        balance.forces.deadline = float("inf")
+    if way == "newton" and found.stability is Stability.UNSTABLE:
+        reason = f"{NoRest.NOT_CONVERGED.value}: time steps do not end, and Newton's method found only a saddle"
+        raise NotSettled(reason, found, NoRest.NOT_CONVERGED, joints_of_unstable(model, balance, qpos, dofs))
     grows = found.creep > GROWS[0] and found.creep > GROWS[1] * half
-    if found.friction_share > LOADED and (grows or not found.creep < MOVES):
+    if found.friction_share > LOADED and (grows or found.creep >= MOVES):
         reason = (
             f"{NoRest.SLIDES.value}: friction could hold, but after 0.5 s it moves at {found.creep:.2g} m/s or rad/s"
         )
         raise NotSettled(reason, found, NoRest.SLIDES)
-    if found.growth > 0 and found.stiffness_eigenvalues[0] > 0:
+    if found.growth > 0 and found.stability is not Stability.UNSTABLE:
+        names = judged_growth(model, balance, qpos, dofs)
         reason = f"{NoRest.LIMIT_CYCLE.value}: oscillations grow at {found.growth:.2g} 1/s"
-        raise NotSettled(reason, found, NoRest.LIMIT_CYCLE)
+        raise NotSettled(reason, found, NoRest.LIMIT_CYCLE, names)
     return found
+
+
+def judged_growth(model: Any, balance: Balance, qpos: np.ndarray, dofs: np.ndarray) -> tuple[str, ...]:
+    """Names of the joints of the islands in which an oscillation grows."""
+    judged = Judged(balance, qpos, dofs)
+    every = zip(judged.islands, judged.modes, strict=True)
+    grows = [part for part, found in every if growth(balance.forces, qpos, part, found) > 0]
+    return tuple(name for part in grows for name in joints_of(model, part))
+
+
+def joints_of_unstable(model: Any, balance: Balance, qpos: np.ndarray, dofs: np.ndarray) -> tuple[str, ...]:
+    """Names of the joints that move along the unstable directions at a pose."""
+    directions = Judged(balance, qpos, dofs).unstable_directions
+    return tuple(dict.fromkeys(name for one in directions for name in movers(model, one)))
 
 
 def _at(
@@ -93,12 +120,16 @@ def _at(
     notes = []
     if share > LOADED:
         notes.append("friction carries load: the equilibrium depends on the path, and MuJoCo's friction creeps")
+    if softened(forces.model):
+        notes.append("a time constant in solref is below two time steps: the equilibrium depends on the time step")
+    if np.isnan(creep):
+        notes.append("the creep was not measured: the time was spent")
     forces.net(qpos)
     found = ModelEquilibrium(
         qpos=frozen(np.array(qpos)),
         act=frozen(np.array(forces.data.act)),
         ctrl=frozen(np.array(forces.data.ctrl)),
-        tendon_tensions=_tensions(forces.model, forces.data),
+        tendon_tensions=tendon_tensions(forces.model, forces.data),
         contact_forces=contact_forces(forces.model, forces.data, judged.states),
         residual=judged.residual,
         unbalanced=frozen(unbalanced),
@@ -117,12 +148,13 @@ def _at(
     return found, half
 
 
-def _tensions(model: Any, data: Any) -> Any:
-    try:
-        from cdpr_sim.anymodel import tendons  # type: ignore[attr-defined]
-    except ImportError:
-        return ()
-    return tendons.tendon_tensions(model, data)
+def softened(model: Any) -> bool:
+    """Whether MuJoCo's ``refsafe`` softens an element with a time constant shorter than two time steps."""
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
+        return False
+    fields = ("geom_solref", "jnt_solref", "eq_solref", "tendon_solref_lim", "pair_solref")
+    references = np.concatenate([np.reshape(getattr(model, field), (-1, 2))[:, 0] for field in fields])
+    return bool(np.any((references > 0) & (references < 2 * model.opt.timestep)))
 
 
 def refusal(
@@ -134,7 +166,15 @@ def refusal(
     ended: MotionEnd,
 ) -> NotSettled:
     """Why a model does not come to rest, with the best pose found."""
-    best, _ = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
+    best, modes = None, []
+    judged = Judged(balance, qpos, dofs)
+    try:
+        best, _ = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
+        modes = judged.modes
+    except OutOfTime:
+        pass  # the reason does not need it
+    finally:
+        balance.forces.deadline = float("inf")
     for trees, case, why in (
         (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
         (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
@@ -147,8 +187,7 @@ def refusal(
     if ended.turning:
         joints = joints_of(model, np.array([model.jnt_dofadr[joint] for joint in ended.turning]))
         return NotSettled(f"{NoRest.TURNS.value}: joint {listed(joints)}", best, NoRest.TURNS, joints)
-    judged = Judged(balance, qpos, dofs)
-    for island, (state, found) in enumerate(zip(judged.states, judged.modes, strict=True)):
+    for island, (state, found) in enumerate(zip(judged.states, modes, strict=False)):
         if state.residual <= 1e-8 or not len(found.eigenvalues) or state.held.largest > SLIDES:
             continue
         push = found.directions.T @ state.force
@@ -163,5 +202,7 @@ def refusal(
         return NotSettled(NoRest.DIVERGES.value, best, NoRest.DIVERGES, names)
     if share > SLIDES:
         return NotSettled(f"{NoRest.SLIDES.value}: joint {listed(names)}", best, NoRest.SLIDES, names)
-    reason = f"{NoRest.NOT_CONVERGED.value}: {best.residual:.1e} of the largest force remains at joint {listed(names)}"
+    reason = (
+        f"{NoRest.NOT_CONVERGED.value}: {judged.residual:.1e} of the largest force remains at joint {listed(names)}"
+    )
     return NotSettled(f"{reason} ({ended.reason})", best, NoRest.NOT_CONVERGED, names)

@@ -41,6 +41,9 @@ creeps, and a box that creeps on its corners does not come to rest."""
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
+LONG = 200
+"""Evaluations in a row with friction at its limit, after it was applied, after which the motion ends."""
+
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
 
@@ -99,7 +102,8 @@ class Motion:
     def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"]) -> None:
         self.balance = balance
         self.model = model = copy.copy(balance.forces.model)
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
+            model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data = mujoco.MjData(model)
         write_state(self.data, balance.forces.data)
         self.applied = self.data.qfrc_applied.copy()
@@ -114,7 +118,7 @@ class Motion:
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
-        self.sticks, self.ready, self.loaded = False, 0, 0
+        self.sticks, self.ready, self.loaded, self.sliding_on = False, 0, 0, 0
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
@@ -161,6 +165,9 @@ class Motion:
                 return self._end(best, best_residual, count, "")
             if time.monotonic() > deadline:
                 reason = "time spent"
+                break
+            if self.sliding_on > LONG:
+                reason = "friction at its limit does not hold"
                 break
             if self._gone():
                 best, best_residual = data.qpos.copy(), np.inf
@@ -214,6 +221,7 @@ class Motion:
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
+            self.sliding_on = self.sliding_on + 1 if any(share >= SLIDES for share in loaded) else 0
             for part, state in zip(parts, states, strict=True):
                 # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
                 if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
-from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.forces import OutOfTime, RestForces
 from cdpr_sim.anymodel.ignored import free_dofs, without
 from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
@@ -45,6 +45,10 @@ NUDGE = 0.02
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
+
+
+SHARE_OF_SEARCH = 0.8
+"""Share of the time that the search may take; the rest is for the evidence."""
 
 
 def settle_model(
@@ -121,13 +125,16 @@ def _settled(
         counts["newton"] += count
         return end
 
+    late = deadline  # of the evidence
+    deadline -= (1 - SHARE_OF_SEARCH) * (deadline - time.monotonic())
     if rests(start):
+        forces.deadline = late
         return equilibrium_at(model, balance, start, dofs, counts, "start")
     now = time.monotonic()
     alone = newton(start, now + SHARE_OF_NEWTON * (deadline - now))
     alone_rests = rests(alone)
-    qpos, found = start, None
-    for nudge in range(NUDGES + 1):
+    qpos, found, nudge = start, None, 0
+    while True:
         forces.data.qpos[:] = qpos
         ended = Motion(balance, dofs).run(
             tolerance=MOTION_RESIDUAL,
@@ -140,11 +147,21 @@ def _settled(
         if not rests(polished):
             break
         found = polished, ended
-        judged = Judged(balance, polished, dofs)
-        if not judged.unstable_directions or nudge == NUDGES or time.monotonic() > deadline:
+        if nudge == NUDGES or time.monotonic() > deadline:
             break
-        push = np.sum(judged.unstable_directions, axis=0)
+        nudge += 1
+        try:
+            forces.deadline = deadline
+            unstable = Judged(balance, polished, dofs).unstable_directions
+        except OutOfTime:
+            break
+        finally:
+            forces.deadline = float("inf")
+        if not unstable:
+            break
+        push = np.sum(unstable, axis=0)
         qpos = forces.moved(polished, NUDGE * push / np.abs(push).max())
+    forces.deadline = late
     if found is not None:
         polished, ended = found
         return equilibrium_at(
