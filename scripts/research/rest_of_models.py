@@ -1,16 +1,19 @@
-"""Static equilibria of models of others: python scripts/research/rest_of_models.py [--root SOURCE=FOLDER]... [--csv FILE].
+"""Static equilibria of models of others: ``python scripts/research/rest_of_models.py [--root SOURCE=FOLDER]...``.
 
-Models are read from the packages dm_control, gymnasium, gymnasium-robotics and myo-sim where they are installed (or from
-``--root``), and from checkouts of google-deepmind/mujoco (``--root mujoco=FOLDER``) and google-deepmind/mujoco_menagerie
-(``--root menagerie=FOLDER``). Nothing of them is copied. Each model runs in a process of its own. Printed per model:
+Models are read from the packages dm_control, gymnasium, gymnasium-robotics and myo-sim where they are installed (or
+from ``--root``), and from checkouts of google-deepmind/mujoco (``--root mujoco=FOLDER``) and of
+google-deepmind/mujoco_menagerie (``--root menagerie=FOLDER``). Nothing of them is copied. Each model runs in a process
+of its own. Printed per model:
 
-- bodies, degrees of freedom, the way to the equilibrium and its residual, time, agreement of the two ways, or the reason
-  why there is none;
+- bodies, degrees of freedom, the way to the equilibrium and its residual, time, agreement of the two ways, or the
+  reason why there is none;
 - "needs": the force that MuJoCo's inverse dynamics at zero velocity needs there, over the largest force of gravity or
   actuators, the friction that holds subtracted (MuJoCo's has no force at rest). An answer is right below 1e-6;
 - beside it the residual after ten seconds of ``mj_step`` with the model's own damping: what users do today.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 import argparse
 import csv
 import importlib.util
@@ -64,7 +67,7 @@ WITHOUT_REST = {
 }  # fmt: skip
 """Models without a rest, or with elements that are refused by name; and what the sentence must say."""
 
-HEAD = "model bodies dofs way residual seconds agreement needs step10s".split()
+COLUMNS = ["model", "verdict", "bodies", "dofs", "way", "residual", "seconds", "agreement", "needs", "step10s"]
 
 
 def row_of(path: str, pipe: object) -> None:
@@ -176,7 +179,7 @@ def verdict(end: str, row: dict) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Static equilibria of models of others.")
     parser.add_argument("--root", action="append", default=[], metavar="SOURCE=FOLDER")
     parser.add_argument("--only", default="", help="part of a model's path")
     parser.add_argument("--csv", type=Path)
@@ -210,7 +213,7 @@ def main() -> None:
     print(f"answered by both ways or with a correct reason: {answered} of {len(rows)}")
     if options.csv:
         with options.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, ["model", "verdict", *HEAD[1:]])
+            writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
             writer.writerows(rows)
 
