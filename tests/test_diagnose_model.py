@@ -230,8 +230,8 @@ def test_the_symptom_shows_and_the_remedy_takes_it_away(xml, mended, kind, eleme
          'forcerange="0 9" lets it only pull.'),
         ("a position servo", 'with up to 20 N; forcerange="-20 0" lets it only pull.'),
         ("a rope that is only a range", "its range, at 0.5 m, carries 19.62 N at rest"),
-        ("a time step of Euler", "the time step, 0.005 s, is too long for its motion, whose fastest mode has a "
-         'period of 0.00628 s: Euler is stable up to 0.00201 s there; timestep="0.001".'),
+        ("a time step of Euler", "the time step, 0.005 s, is too long for its motion: the fastest mode has a "
+         'period of 0.00628 s, and Euler is stable up to 0.00201 s; timestep="0.001".'),
         ("a time constant below two time steps", "its time constant, 0.002 s in solref, is shorter than two time "
          'steps, so that MuJoCo uses 0.008 s and the equilibrium depends on the time step; timestep="0.001"'),
         ("a body that nothing holds", 'gravity has no support here, and it falls for ever; support it by a contact, '
