@@ -16,8 +16,9 @@ from cdpr_sim.anymodel.forces import OutOfTime
 from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.judged import Judged, contact_forces, creep_of, growth
 from cdpr_sim.anymodel.model_equilibrium import ModelAgreement, ModelEquilibrium, NoRest
-from cdpr_sim.anymodel.motion import MotionEnd
+from cdpr_sim.anymodel.motion import TIME_SPENT, MotionEnd
 from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
+from cdpr_sim.anymodel.stiffness import NEUTRAL, STEP
 from cdpr_sim.anymodel.tendons import tendon_tensions
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.equilibrium import NotSettled, Stability
@@ -30,6 +31,9 @@ MOVES = 0.5
 
 GROWS = 0.05, 1.5
 """The same, if it is more than so many times that at half the time."""
+
+PUSHED = 1e-3
+"""Residual above which a body that is far away is pushed further, by gravity for example."""
 
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
@@ -148,6 +152,18 @@ def _at(
     return found, half
 
 
+def _never_resisted(balance: Balance, start: np.ndarray, direction: np.ndarray) -> bool:
+    """Whether at the start, too, a force pushes along a direction that nothing resists: a body in flight may land."""
+    model, forces = balance.forces.model, balance.forces
+    free = model.jnt_type[model.dof_jntid] == int(mujoco.mjtJoint.mjJNT_FREE)
+    if np.any(direction[free]):
+        return False
+    step = STEP * direction / np.sqrt(model.dof_M0 @ direction**2)
+    ahead, behind = forces.net(forces.moved(start, step)), forces.net(forces.moved(start, -step))
+    stiffness = (behind.force - ahead.force) @ step / (2 * STEP**2)
+    return bool(forces.net(start).force @ step > 0 and abs(stiffness) <= NEUTRAL)
+
+
 def softened(model: Any) -> bool:
     """Whether MuJoCo's ``refsafe`` softens an element with a time constant shorter than two time steps."""
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
@@ -164,10 +180,13 @@ def refusal(
     dofs: Int[np.ndarray, " n"],
     counts: dict[str, int],
     ended: MotionEnd,
+    start: Float[np.ndarray, " nq"],
 ) -> NotSettled:
     """Why a model does not come to rest, with the best pose found."""
-    best, modes = None, []
+    best, modes, late = None, [], balance.forces.deadline
+    balance.forces.deadline = float("inf")
     judged = Judged(balance, qpos, dofs)
+    balance.forces.deadline = late
     try:
         best, _ = _at(model, balance, qpos, dofs, counts, "motion", ended.qpos)
         modes = judged.modes
@@ -179,7 +198,12 @@ def refusal(
         (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
         (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
     ):
-        if trees.any():
+        here = [
+            state
+            for part, state in zip(judged.islands, judged.states, strict=True)
+            if trees[model.dof_treeid[part]].any()
+        ]
+        if trees.any() and max((state.residual for state in here), default=0.0) > PUSHED:
             names = tuple(name_of(model, "body", int(model.tree_bodyadr[tree])) for tree in np.flatnonzero(trees))
             joints = joints_of(model, np.flatnonzero(trees[model.dof_treeid]))
             reason = f"{case.value}: {why} body {listed(names)}; ignore={names[0]!r} leaves it out"
@@ -193,14 +217,16 @@ def refusal(
         push = found.directions.T @ state.force
         loose = np.abs(found.eigenvalues) <= found.floor
         if np.linalg.norm(push[loose]) > 0.5 * np.linalg.norm(push):
-            names = movers(model, judged.spread(island, found.directions[:, loose] @ push[loose]))
-            return NotSettled(f"{NoRest.MECHANISM.value}: joint {listed(names)}", best, NoRest.MECHANISM, names)
+            direction = judged.spread(island, found.directions[:, loose] @ push[loose])
+            if _never_resisted(balance, start, direction):
+                names = movers(model, direction)
+                return NotSettled(f"{NoRest.MECHANISM.value}: joint {listed(names)}", best, NoRest.MECHANISM, names)
     worst = int(np.argmax([state.residual for state in judged.states]))
     names = movers(model, judged.spread(worst, judged.states[worst].force / model.dof_M0[judged.islands[worst]]))
     share = judged.states[worst].held.largest
     if ended.diverged:
         return NotSettled(NoRest.DIVERGES.value, best, NoRest.DIVERGES, names)
-    if share > SLIDES:
+    if share > SLIDES and ended.reason != TIME_SPENT:
         return NotSettled(f"{NoRest.SLIDES.value}: joint {listed(names)}", best, NoRest.SLIDES, names)
     reason = (
         f"{NoRest.NOT_CONVERGED.value}: {judged.residual:.1e} of the largest force remains at joint {listed(names)}"

@@ -29,7 +29,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.progress import saying
 
 RESIDUAL = 1e-8
-"""Largest unbalanced force of an equilibrium, as a fraction of the largest part of the forces."""
+"""Unbalanced force of an equilibrium, as a fraction of the largest part of the forces: of a start, and aimed at."""
+
+ACCEPTABLE = 1e-7
+"""And where Newton's method cannot do better, because the force jumps where contacts come and go."""
 
 OF_LOAD = 1e-7
 """And as a fraction of the largest force of gravity, actuators and applied forces, where there is any."""
@@ -116,8 +119,8 @@ def _settled(
     forces, start = balance.forces, np.array(balance.forces.data.qpos)
     counts = {"time steps": 0, "newton": 0}
 
-    def rests(qpos: np.ndarray) -> bool:
-        return Judged(balance, qpos, dofs).rests(RESIDUAL, OF_LOAD)
+    def rests(qpos: np.ndarray, residual: float = ACCEPTABLE) -> bool:
+        return Judged(balance, qpos, dofs).rests(residual, OF_LOAD)
 
     def newton(qpos: np.ndarray, until: float) -> np.ndarray:
         say("Newton's method")
@@ -127,7 +130,7 @@ def _settled(
 
     late = deadline  # of the evidence
     deadline -= (1 - SHARE_OF_SEARCH) * (deadline - time.monotonic())
-    if rests(start):
+    if rests(start, RESIDUAL):
         forces.deadline = late
         return equilibrium_at(model, balance, start, dofs, counts, "start")
     now = time.monotonic()
@@ -169,4 +172,4 @@ def _settled(
         )
     if alone_rests:
         return equilibrium_at(model, balance, alone, dofs, counts, "newton", ended.qpos, alone)
-    raise refusal(model, balance, polished, dofs, counts, ended)
+    raise refusal(model, balance, polished, dofs, counts, ended, start)
