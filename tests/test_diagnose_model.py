@@ -429,3 +429,15 @@ def test_time_steps_that_diverge_on_purpose_leave_no_trace(tmp_path, monkeypatch
         mujoco.set_mju_user_warning(None)
     assert capfd.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_actuator_of_a_plugin_with_a_state_is_refused():
+    """MuJoCo's PID plugin integrates its error in ``act``: where forces balance it still moves, by 10 mm here."""
+    xml = """<mujoco><extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>
+      <config key="ki" value="4"/><config key="kd" value="0.4"/></instance></plugin></extension>
+      <worldbody><body><joint name="j" type="slide" axis="0 0 1"/><geom size="0.01"/></body></worldbody>
+      <actuator><plugin name="servo" joint="j" plugin="mujoco.pid" instance="pid" actdim="1"/></actuator></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    with pytest.raises(cdpr.InvalidInput, match="actuator 'servo' with a plugin that has a state"):
+        cdpr.settle_model(model)
+    assert "actuator 'servo' with a plugin" in cdpr.diagnose_model(model).notes[0]
