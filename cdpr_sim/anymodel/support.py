@@ -27,6 +27,8 @@ def refuse_unsupported(model: Any) -> None:
         name = name_of(model, "actuator", actuator)
         if int(model.actuator_dyntype[actuator]) in WITH_STATE:
             raise _found(f"actuator {name!r} with {WITH_STATE[int(model.actuator_dyntype[actuator])]}")
+        if model.actuator_plugin[actuator] >= 0 and model.actuator_actnum[actuator] > 0:
+            raise _found(f"actuator {name!r} with a plugin that has a state")
         if model.actuator_delay[actuator] > 0:
             raise _found(f"actuator {name!r} with a delay")
         gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
