@@ -230,8 +230,8 @@ def test_the_symptom_shows_and_the_remedy_takes_it_away(xml, mended, kind, eleme
          'forcerange="0 9" lets it only pull.'),
         ("a position servo", 'with up to 20 N; forcerange="-20 0" lets it only pull.'),
         ("a rope that is only a range", "its range, at 0.5 m, carries 19.62 N at rest"),
-        ("a time step of Euler", "the time step, 0.005 s, is too long for its motion, whose fastest mode has a "
-         'period of 0.00628 s: Euler is stable up to 0.00201 s there; timestep="0.001".'),
+        ("a time step of Euler", "the time step, 0.005 s, is too long for its motion: the fastest mode has a "
+         'period of 0.00628 s, and Euler is stable up to 0.00201 s; timestep="0.001".'),
         ("a time constant below two time steps", "its time constant, 0.002 s in solref, is shorter than two time "
          'steps, so that MuJoCo uses 0.008 s and the equilibrium depends on the time step; timestep="0.001"'),
         ("a body that nothing holds", 'gravity has no support here, and it falls for ever; support it by a contact, '
@@ -409,3 +409,35 @@ def test_an_activation_rests_at_its_control_within_its_range(actuator, expected)
     found = cdpr.settle_model(model, ctrl=[3.0])
     assert found.act[0] == pytest.approx(expected)
     assert found.qpos[0] == pytest.approx(data.qpos[0], abs=1e-6)
+
+
+def test_time_steps_that_diverge_on_purpose_leave_no_trace(tmp_path, monkeypatch, capfd):
+    """Neither in the terminal nor in MUJOCO_LOG.TXT; and the user's handler of warnings is the one before."""
+    monkeypatch.chdir(tmp_path)
+    seen: list[str] = []
+    mujoco.set_mju_user_warning(seen.append)
+    try:
+        found = found_in(FINDINGS["a time step of Euler"][0], FindingKind.TIME_STEP)
+        assert len(found) == 1
+        assert seen == []
+        model = mujoco.MjModel.from_xml_string(FINDINGS["a time step of Euler"][0])
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.nan
+        mujoco.mj_step(model, data)
+        assert len(seen) == 1
+    finally:
+        mujoco.set_mju_user_warning(None)
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_actuator_of_a_plugin_with_a_state_is_refused():
+    """MuJoCo's PID plugin integrates its error in ``act``: where forces balance it still moves, by 10 mm here."""
+    xml = """<mujoco><extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>
+      <config key="ki" value="4"/><config key="kd" value="0.4"/></instance></plugin></extension>
+      <worldbody><body><joint name="j" type="slide" axis="0 0 1"/><geom size="0.01"/></body></worldbody>
+      <actuator><plugin name="servo" joint="j" plugin="mujoco.pid" instance="pid" actdim="1"/></actuator></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    with pytest.raises(cdpr.InvalidInput, match="actuator 'servo' with a plugin that has a state"):
+        cdpr.settle_model(model)
+    assert "actuator 'servo' with a plugin" in cdpr.diagnose_model(model).notes[0]

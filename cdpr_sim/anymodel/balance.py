@@ -50,7 +50,7 @@ class Balance:
         """The balance at a pose, of the degrees of freedom ``dofs``."""
         return self.evaluated(self.forces.net(qpos), [dofs])[0]
 
-    def evaluated(self, net: Net, parts: list[Int[np.ndarray, " _"]]) -> list[Unbalanced]:
+    def evaluated(self, net: Net, parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
         """The balance of several sets of degrees of freedom, at the pose where the net force was just evaluated."""
         rows = rows_of(self.forces.model, self.forces.data) if self.friction else None
         return [self._of(net, rows, dofs) for dofs in parts]

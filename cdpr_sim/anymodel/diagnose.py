@@ -18,6 +18,7 @@ from cdpr_sim.anymodel.forces import write_state
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.names import listed
 from cdpr_sim.anymodel.pushing import pushing
+from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.settle_model import settle_model
 from cdpr_sim.anymodel.time_steps import CALM, GROWN, INTEGRATORS, LIMIT_OF, StableSteps, growth, stable_steps
 from cdpr_sim.core.checks import checked_array, refuse_unless
@@ -132,7 +133,8 @@ def diagnose_model(
     if steps is None:
         notes.append(f"the time step was not judged: the model has {model.nv} degrees of freedom")
     else:
-        findings += _time_step(model, start, steps)
+        with without_warnings():
+            findings += _time_step(model, start, steps)
     order = list(FindingKind)
     return ModelDiagnosis(
         tuple(sorted(findings, key=lambda one: order.index(one.kind))), equilibrium,
@@ -155,20 +157,19 @@ def _time_step(model: Any, state: Any, steps: StableSteps) -> Iterator[ModelFind
     """The finding that the time step is too long, if motion with it grows and motion with a shorter one does not."""
     given, name = float(model.opt.timestep), INTEGRATORS[int(model.opt.integrator)]
     limit = steps.longest.get(LIMIT_OF.get(name, ""), math.inf)
-    if not steps.direction.any() or growth(model, state, given, steps.direction) <= GROWN:
+    if limit >= given or growth(model, state, given, steps.direction) <= GROWN:
         return
-    proposed = _round_down(min(MARGIN * limit, given / 2))
+    proposed = _round_down(MARGIN * limit)
     for _ in range(SHORTER):
         if growth(model, state, proposed, steps.direction) <= CALM:
             break
         proposed = _round_down(proposed / 2)
     else:
         return  # it grows at every time step: the equilibrium itself is unstable
-    period = f", whose fastest mode has a period of {steps.fastest_period:.3g} s" if limit < given else ""
-    stable = f"{name} is stable up to {limit:.3g} s there" if limit < given else "a shorter one is stable"
     yield ModelFinding(
         FindingKind.TIME_STEP, f"joint {listed(steps.joints)!r}",
-        f"the time step, {given:.6g} s, is too long for its motion{period}: {stable}",
+        f"the time step, {given:.6g} s, is too long for its motion: the fastest mode has a period of "
+        f"{steps.fastest_period:.3g} s, and {name} is stable up to {limit:.3g} s",
         f'timestep="{proposed:.6g}"{_other(steps, name, given)}',
     )  # fmt: skip
 

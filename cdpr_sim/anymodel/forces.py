@@ -10,6 +10,7 @@ where MuJoCo's forward dynamics has no acceleration.
 from __future__ import annotations
 
 import copy
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,6 +53,10 @@ class Net:
         return np.maximum(self.size[dofs] * largest, self.least[dofs])
 
 
+class OutOfTime(Exception):
+    """The time of the search is spent."""
+
+
 class RestForces:
     """The forces at rest of a copy of a model, as a function of its pose."""
 
@@ -62,14 +67,15 @@ class RestForces:
         options.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_SENSOR)
         self.data = mujoco.MjData(self.model)
         write_state(self.data, state)
-        self.evaluations = 0
+        self.deadline = float("inf")
 
     def net(
         self, qpos: Float[np.ndarray, " nq"], qvel: np.ndarray | float = 0.0, qacc: np.ndarray | float = 0.0
     ) -> Net:
         """The net force at a pose; at a velocity or an acceleration, for derivatives."""
         model, data = self.model, self.data
-        self.evaluations += 1
+        if time.monotonic() > self.deadline:
+            raise OutOfTime
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)

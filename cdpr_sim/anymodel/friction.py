@@ -27,8 +27,8 @@ SLIDES = 1 - 1e-9
 """Share of a limit from which friction counts as at it."""
 
 RANK = 1e-3
-"""Directions that rows of unit length hold with a smaller singular value are free: the lever of friction is too short.
-A box on a plane could otherwise be held against tilting by corners whose heights differ by a micrometre."""
+"""Directions that rows of unit length hold with a smaller singular value are free: friction has too short a lever
+there. A box on a plane could otherwise be held against tilting by corners whose heights differ by a micrometre."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,20 +46,24 @@ def least_share(
     null = null_space(matrix / max(norms.max(), 1e-300), rcond=1e-11)
     if not null.shape[1]:
         return start
-    members = [np.flatnonzero(cones == cone) for cone in range(len(corners))]
-    flat = [(rows, np.array(list(itertools.product((-1.0, 1.0), repeat=len(rows)))))
-            for rows, sharp in zip(members, corners, strict=True) if sharp or len(rows) == 1]  # fmt: skip
-    smooth = [rows for rows, sharp in zip(members, corners, strict=True) if not sharp and len(rows) > 1]
-    facets = np.zeros((sum(len(signs) for _, signs in flat), len(start)))
+    count = len(corners)
+    rows_in = np.bincount(cones, minlength=count)
+    smooth_cones = ~corners & (rows_in > 1)
+    smooth = smooth_cones[cones]
+    member = (np.arange(count)[smooth_cones][:, None] == cones[smooth]).astype(float)
+    flat = np.flatnonzero(~smooth_cones)
+    facets = np.zeros((sum(2 ** rows_in[cone] for cone in flat), len(start)))
     at = 0
-    for rows, signs in flat:
-        facets[at : at + len(signs), rows] = signs
+    for cone in flat:
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=rows_in[cone])))
+        facets[at : at + len(signs), cones == cone] = signs
         at += len(signs)
-    facets_null, barriers = facets @ null, len(facets) + 2 * len(smooth)
+    facets_null, barriers = facets @ null, len(facets) + 2 * int(smooth_cones.sum())
+    part = null[smooth]
 
     def value(use: np.ndarray, s: float, weight: float) -> float:
         slack = s - facets @ use
-        discs = np.array([s * s - use[rows] @ use[rows] for rows in smooth])
+        discs = s * s - member @ use[smooth] ** 2
         if s <= 0 or slack.min(initial=1) <= 0 or discs.min(initial=1) <= 0:
             return np.inf
         return weight * s - float(np.log(slack).sum()) - float(np.log(discs).sum())
@@ -77,13 +81,12 @@ def least_share(
             hessian[:-1, :-1] += (facets_null * inverse[:, None] ** 2).T @ facets_null
             hessian[:-1, -1] -= facets_null.T @ inverse**2
             hessian[-1, -1] += (inverse**2).sum()
-            for rows in smooth:
-                disc, part, inner = s * s - use[rows] @ use[rows], null[rows], use[rows]
-                slope = np.append(-2 * part.T @ inner, 2 * s)  # of the disc
-                gradient -= slope / disc
-                hessian += np.outer(slope, slope) / disc**2
-                hessian[:-1, :-1] += 2 * part.T @ part / disc
-                hessian[-1, -1] -= 2 / disc
+            disc, inner = s * s - member @ use[smooth] ** 2, use[smooth]
+            slopes = np.column_stack([-2 * member @ (inner[:, None] * part), np.full(len(disc), 2 * s)])  # of the discs
+            gradient -= slopes.T @ (1 / disc)
+            hessian += (slopes / disc[:, None] ** 2).T @ slopes
+            hessian[:-1, :-1] += 2 * (part * (member.T @ (1 / disc))[:, None]).T @ part
+            hessian[-1, -1] -= 2 * (1 / disc).sum()
             hessian[:-1, -1] = hessian[-1, :-1] = hessian[:-1, -1] + 0  # symmetric
             ridge = 1e-14 * np.trace(hessian) / len(hessian) * np.eye(len(hessian))
             step = np.linalg.solve(hessian + ridge, -gradient)
@@ -114,12 +117,17 @@ def closest(
     By an accelerated projected gradient; then rows of cones inside their limits are solved exactly, if they stay
     inside.
     """
-    members = [np.flatnonzero(cones == cone) for cone in range(len(corners))]
+    pyramids = np.flatnonzero(corners)
+    widest = int(np.bincount(cones, minlength=len(corners)).max())
+    place = np.full((len(pyramids), widest), -1)
+    for number, cone in enumerate(pyramids):
+        rows = np.flatnonzero(cones == cone)
+        place[number, : len(rows)] = rows
     bound = float(np.linalg.norm(matrix, 2)) ** 2 or 1.0
     use = np.zeros(matrix.shape[1])
     ahead, momentum = use, 1.0
     for _ in range(SWEEPS):
-        new = _projected(ahead - matrix.T @ (matrix @ ahead - load) / bound, members, cones, corners)
+        new = _projected(ahead - matrix.T @ (matrix @ ahead - load) / bound, place, cones, corners)
         if (ahead - new) @ (new - use) > 0:
             momentum = 1.0
         later = (1 + np.sqrt(1 + 4 * momentum**2)) / 2
@@ -137,15 +145,16 @@ def closest(
     return use
 
 
-def _projected(use: np.ndarray, members: list[np.ndarray], cones: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The closest point within the cones."""
+def _projected(use: np.ndarray, place: np.ndarray, cones: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The closest point within the cones; ``place`` has the rows of each pyramid, filled up with -1."""
     share = shares(use, cones, corners)
     new = np.where((share > 1)[cones] & ~corners[cones], use / np.maximum(share, 1e-300)[cones], use)
-    for cone in np.flatnonzero((share > 1) & corners):
-        rows = members[cone]
-        magnitudes = np.abs(use[rows])
-        ordered = np.sort(magnitudes)[::-1]
-        excess = (np.cumsum(ordered) - 1) / np.arange(1, len(rows) + 1)
-        cut = excess[ordered > excess][-1]
-        new[rows] = np.sign(use[rows]) * np.maximum(magnitudes - cut, 0)
+    if len(place):
+        magnitudes = np.where(place >= 0, np.abs(use[place]), 0.0)
+        ordered = -np.sort(-magnitudes, axis=1)
+        excess = (np.cumsum(ordered, axis=1) - 1) / np.arange(1, place.shape[1] + 1)
+        last = np.maximum((ordered > excess).sum(axis=1) - 1, 0)
+        cut = np.maximum(excess[np.arange(len(place)), last], 0)  # none inside the pyramid
+        rows = place[place >= 0]
+        new[rows] = np.sign(use[rows]) * np.maximum(np.abs(use[rows]) - np.repeat(cut, (place >= 0).sum(axis=1)), 0)
     return new

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from cdpr_sim.anymodel.friction import jacobian
 
 
-def islands(model: Any, data: Any, dofs: Int[np.ndarray, " n"]) -> list[Int[np.ndarray, " m"]]:
+def islands(model: Any, data: Any, dofs: Int[np.ndarray, " n"]) -> list[Int[np.ndarray, "..."]]:
     """The islands among degrees of freedom ``dofs``, after an evaluation of the forces at a pose."""
     if not len(dofs):
         return []

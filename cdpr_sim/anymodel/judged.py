@@ -4,6 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import mujoco
@@ -17,7 +18,7 @@ from cdpr_sim.anymodel.islands import islands
 from cdpr_sim.anymodel.model_equilibrium import ContactForce
 from cdpr_sim.anymodel.motion import coordinates_of
 from cdpr_sim.anymodel.names import name_of
-from cdpr_sim.anymodel.stiffness import STEP, Modes, modes
+from cdpr_sim.anymodel.stiffness import STEP, Modes, modes, stiffness_of_islands
 from cdpr_sim.core.checks import frozen
 
 LARGEST = 400
@@ -52,8 +53,9 @@ class Judged:
         """Of each island."""
         if self._modes is None:
             forces = self.balance.forces
-            pairs = zip(self.islands, self.states, strict=True)
-            self._modes = [modes(forces, self.qpos, part, state.free) for part, state in pairs]
+            matrices = stiffness_of_islands(forces, self.qpos, self.islands)
+            every = zip(self.islands, self.states, matrices, strict=True)
+            self._modes = [modes(forces, self.qpos, part, state.free, matrix) for part, state, matrix in every]
         return self._modes
 
     def spread(self, island: int, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " nv"]:
@@ -68,7 +70,7 @@ class Judged:
         return np.sort(np.concatenate([np.zeros(0), *(one.eigenvalues for one in self.modes)]))
 
     @property
-    def neutral_directions(self) -> list[Float[np.ndarray, " nv"]]:
+    def neutral_directions(self) -> list[Float[np.ndarray, "..."]]:
         """Directions in which nothing resists."""
         return [
             self.spread(island, one.directions[:, column])
@@ -77,7 +79,7 @@ class Judged:
         ]
 
     @property
-    def unstable_directions(self) -> list[Float[np.ndarray, " nv"]]:
+    def unstable_directions(self) -> list[Float[np.ndarray, "..."]]:
         """Directions in which the forces push away, the worst of each island."""
         return [
             self.spread(island, one.directions[:, 0])
@@ -152,6 +154,9 @@ def creep_of(
         qpos: where it starts.
         ignored: degrees of freedom that are held, (nv,) bool.
         seconds: [s].
+
+    Returns:
+        Both speeds; nan where the time was spent.
     """
     data = mujoco.MjData(model)
     write_state(data, forces.data)
@@ -163,6 +168,8 @@ def creep_of(
         if ignored.any():
             data.qpos[where] = qpos[where]
             data.qvel[ignored] = 0
+        if time.monotonic() > forces.deadline:
+            return float("nan"), float("nan")
         if step in (steps // 2, steps - 1):
             speed = float(np.abs(data.qvel).max(initial=0))
             speeds.append(speed if np.isfinite(speed) else float("inf"))

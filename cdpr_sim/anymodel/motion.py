@@ -41,12 +41,16 @@ creeps, and a box that creeps on its corners does not come to rest."""
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
+LONG = 200
+"""Evaluations in a row with friction at its limit, after it was applied, after which the motion ends."""
+
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
 
 BLOWS_UP = 1e12
 """[J/kg] Kinetic energy above which the motion has diverged."""
 
+TIME_SPENT = "time spent"
 DIVERGES = "the simulation diverges at every time step"
 
 FAR = 100.0
@@ -61,8 +65,14 @@ RATTLES, QUICK = 6, 4
 SHRINKS, GROWS, CALM = 0.6, 1.3, 40
 """Factors of the time step; it grows where a peak came after more than ``CALM`` steps."""
 
+QUIET = 200
+"""Steps without rattling after which a time step shorter than the model's grows again."""
+
+SHORT = 1 / 50
+"""Shortest time step that rattling leads to, in time steps of the model: contacts may rattle at any."""
+
 SHORTEST = 1 / 2000
-"""Shortest time step, in time steps of the model."""
+"""And that divergence leads to."""
 
 SLOW = 1000
 """Steps without a peak after which damping, which only delays the rest, is switched off."""
@@ -99,7 +109,8 @@ class Motion:
     def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"]) -> None:
         self.balance = balance
         self.model = model = copy.copy(balance.forces.model)
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
+            model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data = mujoco.MjData(model)
         write_state(self.data, balance.forces.data)
         self.applied = self.data.qfrc_applied.copy()
@@ -114,7 +125,8 @@ class Motion:
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
-        self.sticks, self.ready, self.loaded = False, 0, 0
+        self.quiet = 0
+        self.sticks, self.ready, self.loaded, self.sliding_on = False, 0, 0, 0
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
@@ -160,7 +172,10 @@ class Motion:
             if residual <= tolerance:
                 return self._end(best, best_residual, count, "")
             if time.monotonic() > deadline:
-                reason = "time spent"
+                reason = TIME_SPENT
+                break
+            if self.sliding_on > LONG:
+                reason = "friction at its limit does not hold"
                 break
             if self._gone():
                 best, best_residual = data.qpos.copy(), np.inf
@@ -178,14 +193,17 @@ class Motion:
     def _damp(self, kinetic: Float[np.ndarray, " islands"]) -> None:
         """Stop the islands whose kinetic energy is past its peak, and adapt the time step."""
         options, since = self.model.opt, self.since + 1
+        self.quiet += 1
+        if self.quiet >= QUIET and options.timestep < self.first:
+            options.timestep, self.quiet = min(self.first, options.timestep * GROWS), 0
         peaks = kinetic < self.energy * (1 - 1e-12)
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
             self.data.qvel[peaks[self.groups]] = 0
             self.rattles = np.where(peaks, np.where(since <= QUICK, self.rattles + 1, 0), self.rattles)
-            if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORTEST:
+            if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
-                self.rattles[:] = 0
+                self.rattles[:], self.quiet = 0, 0
             elif since[peaks].min() > CALM:
                 options.timestep = min(self.longest, options.timestep * GROWS)
             since[peaks] = 0
@@ -196,6 +214,7 @@ class Motion:
         """Go back to the last stop, with a shorter time step."""
         model, data = self.model, self.data
         model.opt.timestep /= 4
+        self.quiet = 0
         mujoco.mj_resetData(model, data)
         write_state(data, self.balance.forces.data)
         data.qpos[:], data.qfrc_applied[:] = self.good, self.applied
@@ -214,6 +233,7 @@ class Motion:
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
+            self.sliding_on = self.sliding_on + 1 if any(share >= SLIDES for share in loaded) else 0
             for part, state in zip(parts, states, strict=True):
                 # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
                 if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
@@ -235,7 +255,10 @@ class Motion:
     def _gone(self) -> bool:
         """Hold the islands of bodies that are far away and of joints that turn for ever; whether there are new ones."""
         model, data = self.model, self.data
-        away = np.abs(data.xipos - self.start_positions).max(axis=1) > FAR * self.extent
+        moved = data.xipos - self.start_positions
+        away = np.linalg.norm(moved, axis=1) > FAR * self.extent
+        gravity = model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
+        away &= ~(moved @ gravity < -0.5 * np.linalg.norm(moved, axis=1))  # what was thrown up comes back
         trees = np.unique(model.body_treeid[away & (model.body_treeid >= 0)])
         trees = trees[[bool(self.active[model.dof_treeid == tree].any()) for tree in trees]]
         hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
-from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.forces import OutOfTime, RestForces
 from cdpr_sim.anymodel.ignored import free_dofs, without
 from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.motion import STEPS, Motion
 from cdpr_sim.anymodel.names import listed
+from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
 from cdpr_sim.core.checks import checked_array, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
@@ -28,7 +29,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.progress import saying
 
 RESIDUAL = 1e-8
-"""Largest unbalanced force of an equilibrium, as a fraction of the largest part of the forces."""
+"""Unbalanced force of an equilibrium, as a fraction of the largest part of the forces: of a start, and aimed at."""
+
+ACCEPTABLE = 1e-7
+"""And where Newton's method cannot do better, because the force jumps where contacts come and go."""
 
 OF_LOAD = 1e-7
 """And as a fraction of the largest force of gravity, actuators and applied forces, where there is any."""
@@ -44,6 +48,10 @@ NUDGE = 0.02
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
+
+
+SHARE_OF_SEARCH = 0.8
+"""Share of the time that the search may take; the rest is for the evidence."""
 
 
 def settle_model(
@@ -100,7 +108,7 @@ def settle_model(
         raise NotSettled(reason, None, NoRest.DRIVEN)
     forces.data.act[:] = act
     balance, dofs = Balance(forces, friction), free_dofs(model, names)
-    with saying(progress) as say:
+    with saying(progress) as say, without_warnings():
         return _settled(left, balance, dofs, most_steps, time.monotonic() + seconds, say)
 
 
@@ -111,8 +119,8 @@ def _settled(
     forces, start = balance.forces, np.array(balance.forces.data.qpos)
     counts = {"time steps": 0, "newton": 0}
 
-    def rests(qpos: np.ndarray) -> bool:
-        return Judged(balance, qpos, dofs).rests(RESIDUAL, OF_LOAD)
+    def rests(qpos: np.ndarray, residual: float = ACCEPTABLE) -> bool:
+        return Judged(balance, qpos, dofs).rests(residual, OF_LOAD)
 
     def newton(qpos: np.ndarray, until: float) -> np.ndarray:
         say("Newton's method")
@@ -120,13 +128,16 @@ def _settled(
         counts["newton"] += count
         return end
 
-    if rests(start):
+    late = deadline  # of the evidence
+    deadline -= (1 - SHARE_OF_SEARCH) * (deadline - time.monotonic())
+    if rests(start, RESIDUAL):
+        forces.deadline = late
         return equilibrium_at(model, balance, start, dofs, counts, "start")
     now = time.monotonic()
     alone = newton(start, now + SHARE_OF_NEWTON * (deadline - now))
     alone_rests = rests(alone)
-    qpos, found = start, None
-    for nudge in range(NUDGES + 1):
+    qpos, found, nudge = start, None, 0
+    while True:
         forces.data.qpos[:] = qpos
         ended = Motion(balance, dofs).run(
             tolerance=MOTION_RESIDUAL,
@@ -139,11 +150,21 @@ def _settled(
         if not rests(polished):
             break
         found = polished, ended
-        judged = Judged(balance, polished, dofs)
-        if not judged.unstable_directions or nudge == NUDGES or time.monotonic() > deadline:
+        if nudge == NUDGES or time.monotonic() > deadline:
             break
-        push = np.sum(judged.unstable_directions, axis=0)
+        nudge += 1
+        try:
+            forces.deadline = deadline
+            unstable = Judged(balance, polished, dofs).unstable_directions
+        except OutOfTime:
+            break
+        finally:
+            forces.deadline = float("inf")
+        if not unstable:
+            break
+        push = np.sum(unstable, axis=0)
         qpos = forces.moved(polished, NUDGE * push / np.abs(push).max())
+    forces.deadline = late
     if found is not None:
         polished, ended = found
         return equilibrium_at(
@@ -151,4 +172,4 @@ def _settled(
         )
     if alone_rests:
         return equilibrium_at(model, balance, alone, dofs, counts, "newton", ended.qpos, alone)
-    raise refusal(model, balance, polished, dofs, counts, ended)
+    raise refusal(model, balance, polished, dofs, counts, ended, start)

@@ -60,15 +60,29 @@ def stiffness_of(
     return matrix
 
 
+def stiffness_of_islands(
+    forces: RestForces, qpos: Float[np.ndarray, " nq"], islands: list[Int[np.ndarray, "..."]]
+) -> list[Float[np.ndarray, "..."]]:
+    """The same of islands, which do not depend on each other: they are displaced together."""
+    matrices = [np.empty((len(dofs), len(dofs))) for dofs in islands]
+    for column in range(max((len(dofs) for dofs in islands), default=0)):
+        step = np.zeros(forces.model.nv)
+        step[[dofs[column] for dofs in islands if column < len(dofs)]] = STEP
+        change = forces.net(forces.moved(qpos, -step)).force - forces.net(forces.moved(qpos, step)).force
+        for matrix, dofs in zip(matrices, islands, strict=True):
+            if column < len(dofs):
+                matrix[:, column] = change[dofs] / (2 * STEP)
+    return matrices
+
+
 def modes(
     forces: RestForces,
     qpos: Float[np.ndarray, " nq"],
     dofs: Int[np.ndarray, " n"],
     free: Float[np.ndarray, "n free"],
-    force: Callable[[np.ndarray], np.ndarray] | None = None,
+    matrix: Float[np.ndarray, "n n"],
 ) -> Modes:
-    """Stiffness at a pose, and its modes on the free directions (columns)."""
-    matrix = stiffness_of(forces, qpos, dofs, force)
+    """The modes of a stiffness on the free directions (columns)."""
     forces.net(qpos)
     mass = forces.mass()[np.ix_(dofs, dofs)]
     within = free.T @ mass @ free

@@ -27,16 +27,12 @@ def refuse_unsupported(model: Any) -> None:
         name = name_of(model, "actuator", actuator)
         if int(model.actuator_dyntype[actuator]) in WITH_STATE:
             raise _found(f"actuator {name!r} with {WITH_STATE[int(model.actuator_dyntype[actuator])]}")
+        if model.actuator_plugin[actuator] >= 0 and model.actuator_actnum[actuator] > 0:
+            raise _found(f"actuator {name!r} with a plugin that has a state")
         if model.actuator_delay[actuator] > 0:
             raise _found(f"actuator {name!r} with a delay")
-        callbacks = (
-            (model.actuator_gaintype[actuator], mujoco.mjtGain.mjGAIN_USER),
-            (
-                model.actuator_biastype[actuator],
-                mujoco.mjtBias.mjBIAS_USER,
-            ),
-        )
-        if any(kind == user for kind, user in callbacks):
+        gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
+        if gain == int(mujoco.mjtGain.mjGAIN_USER) or bias == int(mujoco.mjtBias.mjBIAS_USER):
             raise _found(f"actuator {name!r} with a force that a callback defines")
     for tendon in np.flatnonzero(model.tendon_plasticadr >= 0):
         raise _found(f"plastic tendon {name_of(model, 'tendon', int(tendon))!r}")
@@ -60,8 +56,7 @@ def activations_at_rest(model: Any, data: Any) -> tuple[Float[np.ndarray, " na"]
     clamps = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     dynamics = mujoco.mjtDyn
     for actuator in range(model.nactuator):
-        # an integer of NumPy is in no tuple of MuJoCo's enumerations
-        kind, at = dynamics(int(model.actuator_dyntype[actuator])), model.actuator_actadr[actuator]
+        kind, at = int(model.actuator_dyntype[actuator]), int(model.actuator_actadr[actuator])
         if at < 0 or _disabled(model, actuator):
             continue
         at += model.actuator_actnum[actuator] - 1
@@ -70,11 +65,11 @@ def activations_at_rest(model: Any, data: Any) -> tuple[Float[np.ndarray, " na"]
         if clamps and model.actuator_ctrllimited[control]:
             value = float(np.clip(value, *model.actuator_ctrlrange[control]))
         limited = bool(model.actuator_actlimited[actuator])
-        if kind in (dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT, dynamics.mjDYN_MUSCLE):
-            if kind == dynamics.mjDYN_MUSCLE:
+        if kind in (int(dynamics.mjDYN_FILTER), int(dynamics.mjDYN_FILTEREXACT), int(dynamics.mjDYN_MUSCLE)):
+            if kind == int(dynamics.mjDYN_MUSCLE):
                 value = float(np.clip(value, 0, 1))
             activations[at] = np.clip(value, *model.actuator_actrange[actuator]) if limited else value
-        elif kind == dynamics.mjDYN_INTEGRATOR and value != 0:
+        elif kind == int(dynamics.mjDYN_INTEGRATOR) and value != 0:
             if limited:
                 activations[at] = model.actuator_actrange[actuator][int(value > 0)]
             else:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.core.checks import Frozen, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 
@@ -99,7 +100,8 @@ def tendon_tensions(model: Any, data: Any) -> TendonTensions:
     quiet, there = copy.copy(model), copy.copy(data)
     quiet.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     quiet.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    mujoco.mj_forward(quiet, there)
+    with without_warnings():
+        mujoco.mj_forward(quiet, there)
     found = tensions_in(quiet, there)
     if not np.isfinite(found.total).all():
         name = found.names[int(np.argmin(np.isfinite(found.total)))]

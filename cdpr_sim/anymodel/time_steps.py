@@ -41,6 +41,9 @@ REHEARSED = 200
 PUSH = 1e-7
 """[m, rad] Displacement that a rehearsal begins with."""
 
+TOLERANCE = 1e-12
+"""Of MuJoCo's solver in a rehearsal: below the displacement. With 0 the integrator ``discrete`` itself diverges."""
+
 GROWN, CALM = 1e3, 10.0
 """Growth of that displacement by which a rehearsal is unstable, and up to which it is stable."""
 
@@ -174,7 +177,7 @@ def _eig(matrix: np.ndarray, metric: np.ndarray | None = None) -> tuple[np.ndarr
 def growth(model: Any, data: Any, time_step: float, direction: Float[np.ndarray, " nv"]) -> float:
     """By how much a small displacement along a direction grows in ``mj_step``, against the motion without it."""
     there = copy.copy(model)
-    there.opt.timestep, there.opt.tolerance = time_step, 0.0
+    there.opt.timestep, there.opt.tolerance = time_step, min(TOLERANCE, there.opt.tolerance)
     there.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_SENSOR)
     there.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     one, two = copy.copy(data), copy.copy(data)
