@@ -18,9 +18,9 @@ import cdpr_sim as cdpr
 ROBOT = "ipanema-1"
 PRETENSIONS = (90.0, 150.0, 300.0, 600.0)  # [N]; the limit of the winches is 720 N
 LOADS = {  # [N], [N m]
-    "no load": (0, 0, 0, 0, 0, 0),
-    "100 N down": (0, 0, -100, 0, 0, 0),
-    "2 N m about z": (0, 0, 0, 0, 0, 2),
+    "no load": np.array([0, 0, 0, 0, 0, 0]),
+    "100 N down": np.array([0, 0, -100, 0, 0, 0]),
+    "2 N m about z": np.array([0, 0, 0, 0, 0, 2]),
 }
 DRIVEN, SECONDS, REACH = 300.0, 8, np.array([0.4, 0, 0])  # [N], [s], [m] of the drive along x that the video shows
 

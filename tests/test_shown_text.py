@@ -57,7 +57,6 @@ from cdpr_sim.report import (
     workspace_tables,
 )  # fmt: skip
 from studies import real_cable_tables
-from studies.checked_lines import line_table
 
 UNKNOWN = cdpr.NotConverged("stalled [here]", equilibrium())
 STAYS = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0), Release(1e-6, 2e-6, 3.0), Release(2e-4, 3e-5, 2.0)]
@@ -108,7 +107,6 @@ OUTPUTS = {
     ],
     "solve": lambda: [as_json.solution(EVERY[2]), as_json.outcome(UNKNOWN), as_json.outcome(equilibrium(robot=REAL)),
     repr(EVERY[1])],
-    "line": lambda: [line_table("title", EVERY[:2], [agreement(Verdict.AGREE, position_error=1.5e-9), agreement()])],
     "compensate": lambda: [
         *(analysis_tables.compensation_verdict(*one) for one in (
             (compensation(CompensationOutcome.EXACT, distance=0.0, reasons=()),), (compensation(arm=0.0), HOLD),

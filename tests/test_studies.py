@@ -16,7 +16,6 @@ from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import tilt_condition as balance
 from cdpr_sim.studies import two_cable as two_cable_studies
-from studies import checked_lines
 
 MANIFOLD_TOLERANCE = 1e-8
 """[rad] The closed form where the bar was put: 3e-12 measured for the solver, 1e-9 for MuJoCo, which stops at 1e-9 of
@@ -87,17 +86,6 @@ def test_both_methods_answer_the_same_line(robot):
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
     softer = settle_many(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
-
-
-def test_lines_are_checked_by_the_other_method():
-    """MuJoCo's rests against statics, which agree; against answers a millimetre beside them, nowhere."""
-    robot = cdpr.load_robot("parallel").replace(material="fishing-0.4mm")
-    checked = studies.line(robot, 0.1, studies.PAPER_LINE, static_rows=2, settled_rows=2)
-    assert (checked.static.source, checked.settled.source) == ("newton", "mujoco")
-    assert [one.verdict for one in checked_lines.agreements(checked)] == [Verdict.AGREE] * 2
-    beside = dataclasses.replace(checked.static, positions=checked.static.positions + 1e-3)
-    others = checked_lines.agreements(studies.Line(beside, checked.settled))
-    assert [one.verdict for one in others] == [Verdict.DISAGREE] * 2
 
 
 def test_a_row_without_rest_is_no_rest():
