@@ -61,7 +61,8 @@ MODELS = {
 """Ends of the models' paths, without ``.xml``."""
 
 WITHOUT_REST = {
-    "actuator/pid": "plugin that has a state", "testdata/delay": "delay", "derivative/dcmotor": "DC motor", "flex/trampoline": "flex",
+    "actuator/pid": "plugin that has a state", "testdata/delay": "delay", "derivative/dcmotor": "DC motor",
+    "flex/trampoline": "flex",
     "testdata/catenary": "turns for ever", "surfacevel/treadmill": "", "surfacevel/carousel": "",
     "assets/inverted_double_pendulum": "mechanism", "hand/manipulate_block": "falls for ever",
 }  # fmt: skip
