@@ -281,8 +281,8 @@ REFUSED = {
     ),
     "flex": (
         model_of(
-            '<body name="frame" pos="0 0 1"><flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" radius=".01" '
-            'mass="1"><edge equality="true"/></flexcomp></body>',
+            '<body name="frame" pos="0 0 1"><flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" '
+            'radius=".01" mass="1"><edge equality="true"/></flexcomp></body>',
         ),
         "flex 'cloth'",
     ),
