@@ -417,13 +417,14 @@ def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
     }
     of_files = {"import_robot", "list_figures", "list_robots", "load_robot", "open_sweep", "read_measurements"}
     assert answering - of_files <= accepts
-    assert refusing - of_results - of_files - {"scene_mjcf"} <= refuses
-    assert functions - of_results - of_files <= accepts | refuses
+    assert refusing - of_results - of_files <= refuses
+    of_models = {"diagnose_model", "holding_controls", "settle_model", "tendon_tensions"}
+    assert functions - of_results - of_files - of_models <= accepts | refuses
     words = [command.split() for command, sentence in COMMANDS if sentence == MEMORY_WORDS]
     options = {option for _, _, *given in words for option in given if option.startswith("--")}
     assert options & refuses == {"--certify", "--pretension", "--drop", "--compensate", "--drive-seconds"}
     assert {name for name, *_ in words} - {"settle", "solve", "check", "video"} <= refuses
-    without = {"robots", "new", "schema", "import", "figures", "score"}
+    without = {"robots", "new", "schema", "import", "figures", "score", "settle-model", "diagnose"}
     assert set(cli.COMMANDS) - without <= accepts | refuses
 
 

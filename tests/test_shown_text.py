@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from unittest.mock import Mock
 
 import made_up
+import mujoco
 import numpy as np
 import pytest
 from drawn_figures import properties
@@ -481,6 +482,14 @@ def assert_copies(value: object) -> None:
                 assert one == theirs[name], name
 
 
+LIFTED = """<mujoco><worldbody>
+  <geom type="plane" size="1 1 1"/><site name="above" pos="0 0 2"/>
+  <body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/><site name="top" pos="0 0 0.1"/></body>
+</worldbody>
+<tendon><spatial stiffness="1" springlength="1"><site site="above"/><site site="top"/></spatial></tendon></mujoco>"""
+"""A box on the floor, with a tendon that pushes when it is short."""
+
+
 def worst_reach(equilibria) -> np.ndarray:
     """An objective of a user's."""
     return np.linalg.norm(equilibria.positions, axis=-1).max(-1)
@@ -493,6 +502,8 @@ def test_results_survive_pickle_and_copies(catalogue):
     found = cdpr.find_layout(robot, [pose], objective=worst_reach, within=0.005, generations=1, population=8, threads=1)
     front = cdpr.find_front(robot, [pose], within=0.005, generations=1, population=5, threads=1)
     mocked = (type(LAID), type(made_up.front()), type(made_up.validation()))
+    model = mujoco.MjModel.from_xml_string(LIFTED)
+    rest, told = cdpr.settle_model(model), cdpr.diagnose_model(model)
     values = [
         *(one for one in RESULTS if not isinstance(one, mocked)), found, front, cdpr.validate_layout(found),
         robot, robot.cabling, cdpr.Problems.of(robot, [pose]), cdpr.Memory.fresh(robot), made_up.EFFECTS[0], STAYS[0],
@@ -501,6 +512,8 @@ def test_results_survive_pickle_and_copies(catalogue):
         cdpr.PoseFeedback(rigid), cdpr.Command.of(robot.rest_lengths(pose), robot.cables), cdpr.Sensors(),
         cdpr.MATERIALS["vectran-0.7mm"], cdpr.ROPES["dyneema"], cdpr.Move("exits", 0.01), CompensationOutcome.EXACT,
         cdpr.Stability.STABLE, cdpr.Status.CONVERGED, Verdict.AGREE,
+        rest, rest.contact_forces[0], rest.agreement, rest.tendon_tensions, cdpr.NoRest.FALLS, cdpr.FindingKind.NO_REST,
+        told, told.findings[0], cdpr.holding_controls(model, rest.qpos),
     ]  # fmt: skip
     for value in values:
         assert_copies(value)

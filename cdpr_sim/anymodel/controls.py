@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 
 from cdpr_sim.anymodel.forces import Net, RestForces
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
-from cdpr_sim.core.checks import checked_array, frozen, refuse_unless
+from cdpr_sim.core.checks import Frozen, checked_array, frozen, refuse_unless
 
 ITERATIONS = 30
 """Linearisations: an actuator's force is piecewise linear in its control, except near the ends of its ranges."""
@@ -28,7 +28,7 @@ BEST = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class HoldingControls:
+class HoldingControls(Frozen):
     """Controls that hold a pose as well as actuators can.
 
     Attributes:

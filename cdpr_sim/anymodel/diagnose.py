@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 from cdpr_sim.anymodel.at_rest import at_rest
 from cdpr_sim.anymodel.findings import FindingKind, ModelFinding
 from cdpr_sim.anymodel.forces import write_state
+from cdpr_sim.anymodel.ignored import names_of_ignored
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.names import listed
 from cdpr_sim.anymodel.pushing import pushing
 from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.settle_model import settle_model
 from cdpr_sim.anymodel.time_steps import CALM, GROWN, INTEGRATORS, LIMIT_OF, StableSteps, growth, stable_steps
-from cdpr_sim.core.checks import checked_array, refuse_unless
+from cdpr_sim.core.checks import checked_array, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.errors import InvalidInput
 
@@ -107,6 +108,8 @@ def diagnose_model(
     """
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData | None, data=data)
+    refuse_unless(bool, progress=progress)
+    seconds, ignore = positive("seconds", seconds, "s"), names_of_ignored(model, ignore)
     start = mujoco.MjData(model)
     if data is not None:
         if len(data.qpos) != model.nq or len(data.ctrl) != model.nu:
@@ -123,8 +126,6 @@ def diagnose_model(
         findings += _without_rest(model, error)
         notes.append(f"limits and masses were not judged: no equilibrium was found: {error}")
     except InvalidInput as error:
-        if str(error).startswith(("ignore", "seconds")):
-            raise
         notes.append(f"limits and masses were not judged: {error}")
     if equilibrium is not None:
         equilibrium.write(start)

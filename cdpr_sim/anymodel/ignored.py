@@ -11,8 +11,19 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Int
 
-from cdpr_sim.core.checks import refuse_unless
+from cdpr_sim.core.checks import listed, refuse_unless
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+
+
+def names_of_ignored(model: Any, ignore: Any) -> tuple[str, ...]:
+    """The names that a user gives, one or several.
+
+    Raises:
+        InvalidInput, UnknownName: not names of bodies that move.
+    """
+    names = (ignore,) if isinstance(ignore, str) else tuple(listed("ignore", ignore, "names of bodies"))
+    ignored_bodies(model, names)
+    return names
 
 
 def ignored_bodies(model: Any, names: tuple[str, ...]) -> Bool[np.ndarray, " nbody"]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.equilibrium import Stability
 
 
@@ -26,7 +27,7 @@ class NoRest(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactForce:
+class ContactForce(Frozen):
     """Force of one contact at rest.
 
     Attributes:
@@ -66,7 +67,7 @@ class ModelAgreement:
 
 
 @dataclass(frozen=True, eq=False)
-class ModelEquilibrium:
+class ModelEquilibrium(Frozen):
     """A pose of a model in which all forces balance, the forces there, and the evidence.
 
     Attributes:

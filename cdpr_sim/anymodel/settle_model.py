@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces
-from cdpr_sim.anymodel.ignored import free_dofs, without
+from cdpr_sim.anymodel.ignored import free_dofs, names_of_ignored, without
 from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
@@ -94,7 +94,7 @@ def settle_model(
     refuse_unless(bool, friction=friction, progress=progress)
     seconds, most_steps = positive("seconds", seconds, "s"), whole("most_steps", most_steps, 1)
     refuse_unsupported(model)
-    names = (ignore,) if isinstance(ignore, str) else tuple(ignore)
+    names = names_of_ignored(model, ignore)
     source = mujoco.MjData(model) if data is None else data
     if len(source.qpos) != model.nq or len(source.ctrl) != model.nu:
         raise InvalidInput(f"data: found a pose of {len(source.qpos)} numbers, expected that of the model, {model.nq}")
