@@ -142,6 +142,7 @@ def steps(page: str, folder: Path) -> list[tuple[str, int, Any]]:
     return found
 
 
+@pytest.mark.timeout(400)  # the first page on a machine compiles what it calls, once more for the wheel's place
 @pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(PAGES[page])])
 def test_blocks_run_as_printed(page, tmp_path, run_page):
     """In order, from the installed wheel, in a folder that is not the clone; they print what is shown.
