@@ -50,7 +50,7 @@ def main() -> int:
         )
     print(f"\n{WHY}")
     if video:
-        robot = robot.replace(pretension=DRIVEN)
+        robot = cdpr.load_robot(ROBOT).replace(pretension=DRIVEN)
         motion = cdpr.drive(robot, [robot.home - REACH, robot.home + REACH], seconds=SECONDS)
         print(cdpr.write_video(video, motion, cdpr.solve_trajectory(motion).poses))
     return 0 if agree else 1

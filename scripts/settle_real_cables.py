@@ -53,6 +53,7 @@ def main() -> int:
             )
     print(f"\n{WHY}")
     if video:
+        robot = cdpr.load_robot(ROBOTS[-1]).replace(**TOGETHER)
         motion = cdpr.drive(robot, [POSE, END], seconds=SECONDS)
         static = cdpr.solve_trajectory(motion)
         print(cdpr.write_video(video, motion, static.poses, shapes=cdpr.cable_profiles(motion)))

@@ -53,7 +53,8 @@ def main() -> int:
             )
     print(f"\n{WHY}")
     if video:
-        motion = cdpr.drive(robot, [line[0], line[-1]], seconds=SECONDS)
+        robot = cdpr.load_robot(ROBOT).replace(material=MATERIALS[-1])
+        motion = cdpr.drive(robot, [(x, Y, HEIGHTS[0]) for x in (X[0], X[-1])], seconds=SECONDS)
         print(cdpr.write_video(video, motion, cdpr.solve_trajectory(motion).poses))
     return 0 if agree else 1
 
