@@ -77,8 +77,7 @@ class ModelEquilibrium(Frozen):
         tendon_tensions: of each tendon its tension and the parts of it, as ``tendon_tensions`` gives them.
         contact_forces: of the contacts that carry a force.
         residual: largest unbalanced force over the largest part of the forces. Forces [N] and torques [N m] are
-        compared
-            after division by the root of the mass of their coordinate (``dof_M0``).
+            compared after division by the root of the mass of their coordinate (``dof_M0``).
         unbalanced: generalised force that remains, (nv,) [N, N m].
         friction: generalised force of the friction that holds, (nv,) [N, N m]; MuJoCo's friction gives none at rest.
         friction_share: largest friction in use, as a fraction of its limit; 0 without.
