@@ -103,11 +103,12 @@ def main() -> None:
     import scipy.spatial.transform  # noqa: F401
     import typer  # noqa: F401
 
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what libraries print while they are loaded is no answer
     for line in sys.stdin:
         request = json.loads(line)
         os.waitpid(forked(lambda: page(*request)), 0)  # noqa: B023
-        sys.stdout.write("done\n")
-        sys.stdout.flush()
+        print("done", file=answers, flush=True)
 
 
 if __name__ == "__main__":

@@ -935,7 +935,7 @@ def _gym(at: Case) -> Judge:
     return near(at, found, rest=seen[12 + n : 12 + 2 * n].astype(float), load=0.0, scale=AT_REST / NEAR)
 
 
-@row("jax", few=6, blind=NEW, only=lambda at: importlib.util.find_spec("jax") is not None)
+@row("jax", few=6, blind=NEW, refuses=NO_MEMORY, only=lambda at: importlib.util.find_spec("jax") is not None)
 def _jax(at: Case) -> Judge:
     """The equilibrium as a function of JAX, where JAX is installed; its derivatives are those of ``sensitivity``."""
     import jax
