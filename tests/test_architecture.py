@@ -36,7 +36,7 @@ WALLS = {
     "control": {"core", "statics", "analysis"},
     # the physics side never uses our formulas
     "physics": {"core"},
-    "anymodel": {"core"},
+    "anymodel": {"core", "physics.quiet"},
     # a proof uses data alone: neither method's formulas
     "proof": {"core"},
     # environments are MuJoCo's dynamics; statics says where they begin

@@ -6,6 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.anymodel.agreement import agreement
+from cdpr_sim.anymodel.forces import RestForces
 
 G = 9.81
 
@@ -100,6 +102,33 @@ def test_a_box_on_four_limited_tendons_hangs_at_a_quarter_of_its_weight_each():
     assert found.agreement is not None
     assert found.agreement.agrees
     assert needed(model, found) < JUDGED
+
+
+def test_poses_are_compared_by_the_tensions_of_nonlinear_tendons():
+    """x (k + k2 x), by hand: the linear part alone would be 2 N off."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><site name="hook" pos="0 0 1"/><body><joint type="slide" axis="0 0 1"/>'
+        '<geom size="0.1" mass="1"/><site name="load"/></body></worldbody><tendon>'
+        '<spatial stiffness="100 1000" springlength="0 0.9"><site site="hook"/><site site="load"/></spatial>'
+        "</tendon></mujoco>"
+    )
+    forces = RestForces(model, mujoco.MjData(model))
+    found = agreement(forces, np.array([0.0]), np.array([-0.01]), [], "start")  # stretched by 0.1 and by 0.11 m
+    assert found.tension_error == pytest.approx(0.11 * (100 + 1000 * 0.11) - 0.1 * (100 + 1000 * 0.1), rel=1e-12)
+    assert not found.agrees
+
+
+def test_data_of_another_model_is_refused():
+    """Whatever of it differs in number."""
+    other = mujoco.MjData(mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body mocap="true"/><body><joint/><geom size="1"/></body></worldbody></mujoco>'
+    ))  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    for ask in (cdpr.settle_model, cdpr.diagnose_model, lambda model, data: cdpr.holding_controls(model, [0.0], data)):
+        with pytest.raises(cdpr.InvalidInput, match=r"^data: found \w+ of \d numbers, expected that of the model, \d$"):
+            ask(model, other)
 
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from cdpr_sim.anymodel.forces import RestForces
 from cdpr_sim.anymodel.model_equilibrium import ModelAgreement
+from cdpr_sim.anymodel.tendons import tensions_in
 from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TENSION_TOLERANCE
 
 
@@ -39,22 +40,13 @@ def _errors(forces: RestForces, one: np.ndarray, two: np.ndarray) -> tuple[float
     for qpos in (one, two):
         forces.net(qpos)
         data = forces.data
-        found.append((data.xpos.copy(), data.xquat.copy(), _tensions(forces)))
+        found.append((data.xpos.copy(), data.xquat.copy(), tensions_in(forces.model, data).spring))
     (positions, rotations, tensions), (others, turned, pulls) = found
     position = float(np.linalg.norm(positions - others, axis=1).max(initial=0))
-    cosines = np.abs(np.einsum("ij,ij->i", rotations, turned))
     signed = np.where(np.einsum("ij,ij->i", rotations, turned)[:, None] < 0, -turned, turned)
     sines = np.linalg.norm(rotations - signed, axis=1)  # 2 sin(angle / 4)
-    rotation = float(4 * np.arcsin(np.clip(sines / 2, 0, 1)).max(initial=0)) if len(cosines) else 0.0
+    rotation = float(4 * np.arcsin(np.clip(sines / 2, 0, 1)).max(initial=0))
     return position, rotation, float(np.abs(tensions - pulls).max(initial=0))
-
-
-def _tensions(forces: RestForces) -> Float[np.ndarray, " tendons"]:
-    """Forces of the tendons' springs, from their lengths."""
-    model, data = forces.model, forces.data
-    low, high = model.tendon_lengthspring[:, 0], model.tendon_lengthspring[:, 1]
-    stretch = np.maximum(data.ten_length - high, 0) + np.minimum(data.ten_length - low, 0)
-    return np.asarray(model.tendon_stiffness * stretch)
 
 
 def _reasons(errors: tuple[float, float, float]) -> tuple[str, ...]:

@@ -13,9 +13,9 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.optimize import lsq_linear
 
-from cdpr_sim.anymodel.forces import Net, RestForces
+from cdpr_sim.anymodel.forces import Net, RestForces, state_of
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
-from cdpr_sim.core.checks import Frozen, checked_array, frozen, refuse_unless
+from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless
 
 ITERATIONS = 30
 """Linearisations: an actuator's force is piecewise linear in its control, except near the ends of its ranges."""
@@ -70,7 +70,7 @@ def holding_controls(model: Any, qpos: ArrayLike, data: Any = None) -> HoldingCo
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData | None, data=data)
     refuse_unsupported(model)
-    forces = RestForces(model, mujoco.MjData(model) if data is None else data)
+    forces = RestForces(model, state_of(model, data))
     pose = checked_array("qpos", qpos, (model.nq,))
     low, high = _ranges(model)
     span = np.where(np.isfinite(high - low), high - low, 1.0)
@@ -101,7 +101,7 @@ def holding_controls(model: Any, qpos: ArrayLike, data: Any = None) -> HoldingCo
     net = at(ctrl)
     residual = float((np.abs(net.force) / net.scale(dofs)).max(initial=0))
     at_limit = (ctrl <= low) | (ctrl >= high)
-    return HoldingControls(frozen(ctrl), frozen(-net.force), residual, frozen(at_limit))
+    return HoldingControls(ctrl, -net.force, residual, at_limit)
 
 
 def _ranges(model: Any) -> tuple[np.ndarray, np.ndarray]:

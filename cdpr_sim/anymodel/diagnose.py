@@ -14,17 +14,17 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.at_rest import at_rest
 from cdpr_sim.anymodel.findings import FindingKind, ModelFinding
-from cdpr_sim.anymodel.forces import write_state
+from cdpr_sim.anymodel.forces import state_of
 from cdpr_sim.anymodel.ignored import names_of_ignored
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.names import listed
 from cdpr_sim.anymodel.pushing import pushing
-from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.settle_model import settle_model
 from cdpr_sim.anymodel.time_steps import CALM, GROWN, INTEGRATORS, LIMIT_OF, StableSteps, growth, stable_steps
-from cdpr_sim.core.checks import checked_array, positive, refuse_unless
+from cdpr_sim.core.checks import FLAG, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.physics.quiet import quiet
 
 SHORTER = 8
 """Number of shorter time steps, each half the one before, that are rehearsed."""
@@ -108,17 +108,9 @@ def diagnose_model(
     """
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData | None, data=data)
-    refuse_unless(bool, progress=progress)
+    refuse_unless(FLAG, progress=progress)
     seconds, ignore = positive("seconds", seconds, "s"), names_of_ignored(model, ignore)
-    start = mujoco.MjData(model)
-    if data is not None:
-        if len(data.qpos) != model.nq or len(data.ctrl) != model.nu:
-            raise InvalidInput(
-                f"data: found a pose of {len(data.qpos)} numbers, expected that of the model, {model.nq}"
-            )
-        write_state(start, data)
-    if ctrl is not None:
-        start.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))
+    start = state_of(model, data, ctrl)
     findings, notes, equilibrium = list(pushing(model)), [], None
     try:
         equilibrium = settle_model(model, start, ignore=ignore, seconds=seconds, progress=progress)
@@ -134,7 +126,7 @@ def diagnose_model(
     if steps is None:
         notes.append(f"the time step was not judged: the model has {model.nv} degrees of freedom")
     else:
-        with without_warnings():
+        with quiet():
             findings += _time_step(model, start, steps)
     order = list(FindingKind)
     return ModelDiagnosis(

@@ -20,7 +20,6 @@ from cdpr_sim.anymodel.motion import TIME_SPENT, MotionEnd
 from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
 from cdpr_sim.anymodel.stiffness import NEUTRAL, STEP
 from cdpr_sim.anymodel.tendons import tendon_tensions
-from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.equilibrium import NotSettled, Stability
 
 CREEP_TIME = 0.5
@@ -130,17 +129,17 @@ def _at(
         notes.append("the creep was not measured: the time was spent")
     forces.net(qpos)
     found = ModelEquilibrium(
-        qpos=frozen(np.array(qpos)),
-        act=frozen(np.array(forces.data.act)),
-        ctrl=frozen(np.array(forces.data.ctrl)),
+        qpos=np.array(qpos),
+        act=np.array(forces.data.act),
+        ctrl=np.array(forces.data.ctrl),
         tendon_tensions=tendon_tensions(forces.model, forces.data),
         contact_forces=contact_forces(forces.model, forces.data, judged.states),
         residual=judged.residual,
-        unbalanced=frozen(unbalanced),
-        friction=frozen(friction),
+        unbalanced=unbalanced,
+        friction=friction,
         friction_share=share,
         creep=creep,
-        stiffness_eigenvalues=frozen(eigenvalues),
+        stiffness_eigenvalues=eigenvalues,
         growth=judged.growth,
         stability=stability,
         neutral=names,

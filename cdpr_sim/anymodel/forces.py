@@ -17,6 +17,10 @@ from typing import Any
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.errors import InvalidInput
 
 STATE = ("qpos", "act", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """What the forces at rest depend on, beside the model."""
@@ -107,6 +111,25 @@ class RestForces:
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, full)
         return full
+
+
+def state_of(model: Any, data: Any = None, ctrl: ArrayLike | None = None) -> Any:
+    """A new ``MjData`` with what the forces at rest depend on: that of ``data``, with these controls if given.
+
+    Raises:
+        InvalidInput: the data of another model, or controls of another number.
+    """
+    state = mujoco.MjData(model)
+    if data is not None:
+        for name in STATE:
+            found, expected = len(getattr(data, name)), len(getattr(state, name))
+            if found != expected:
+                what = "a pose" if name == "qpos" else name
+                raise InvalidInput(f"data: found {what} of {found} numbers, expected that of the model, {expected}")
+        write_state(state, data)
+    if ctrl is not None:
+        state.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))
+    return state
 
 
 def write_state(to: Any, state: Any) -> None:

@@ -19,7 +19,6 @@ from cdpr_sim.anymodel.model_equilibrium import ContactForce
 from cdpr_sim.anymodel.motion import coordinates_of
 from cdpr_sim.anymodel.names import name_of
 from cdpr_sim.anymodel.stiffness import STEP, Modes, modes, stiffness_of_islands
-from cdpr_sim.core.checks import frozen
 
 LARGEST = 400
 """Degrees of freedom of an island above which the linearised motion is not judged."""
@@ -139,7 +138,7 @@ def contact_forces(model: Any, data: Any, states: list[Unbalanced]) -> tuple[Con
                 rows = held.rows[held.cones == cone]
                 friction, share = float(np.linalg.norm(rows[:2])), float(held.share[cone])
         one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in contact.geom)
-        found.append(ContactForce((one, two), frozen(contact.pos.copy()), float(six[0]), friction, share))
+        found.append(ContactForce((one, two), contact.pos.copy(), float(six[0]), friction, share))
     return tuple(found)
 
 

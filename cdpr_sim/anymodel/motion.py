@@ -25,6 +25,8 @@ from cdpr_sim.anymodel.friction import rows_of
 from cdpr_sim.anymodel.islands import groups_of_trees
 
 STEPS = 20_000
+"""Time steps, at most, unless asked otherwise."""
+
 CHECK = 100
 """Time steps between two evaluations of the balance."""
 

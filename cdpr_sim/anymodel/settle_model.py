@@ -14,19 +14,18 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
-from cdpr_sim.anymodel.forces import OutOfTime, RestForces
+from cdpr_sim.anymodel.forces import OutOfTime, RestForces, state_of
 from cdpr_sim.anymodel.ignored import free_dofs, names_of_ignored, without
 from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.motion import STEPS, Motion
 from cdpr_sim.anymodel.names import listed
-from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
-from cdpr_sim.core.checks import checked_array, positive, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
-from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.progress import saying
+from cdpr_sim.physics.quiet import quiet
 
 RESIDUAL = 1e-8
 """Unbalanced force of an equilibrium, as a fraction of the largest part of the forces: of a start, and aimed at."""
@@ -48,7 +47,6 @@ NUDGE = 0.02
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
-
 
 SHARE_OF_SEARCH = 0.8
 """Share of the time that the search may take; the rest is for the evidence."""
@@ -91,24 +89,19 @@ def settle_model(
     """
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData | None, data=data)
-    refuse_unless(bool, friction=friction, progress=progress)
+    refuse_unless(FLAG, friction=friction, progress=progress)
     seconds, most_steps = positive("seconds", seconds, "s"), whole("most_steps", most_steps, 1)
     refuse_unsupported(model)
     names = names_of_ignored(model, ignore)
-    source = mujoco.MjData(model) if data is None else data
-    if len(source.qpos) != model.nq or len(source.ctrl) != model.nu:
-        raise InvalidInput(f"data: found a pose of {len(source.qpos)} numbers, expected that of the model, {model.nq}")
     left = without(model, names)
-    forces = RestForces(left, source)
-    if ctrl is not None:
-        forces.data.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))
+    forces = RestForces(left, state_of(model, data, ctrl))
     act, growing = activations_at_rest(forces.model, forces.data)
     if growing:
         reason = f"{NoRest.DRIVEN.value}: actuator {listed(growing)} integrates its control, which rests only at 0"
         raise NotSettled(reason, None, NoRest.DRIVEN)
     forces.data.act[:] = act
     balance, dofs = Balance(forces, friction), free_dofs(model, names)
-    with saying(progress) as say, without_warnings():
+    with saying(progress) as say, quiet():
         return _settled(left, balance, dofs, most_steps, time.monotonic() + seconds, say)
 
 

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cdpr_sim.anymodel.quiet import without_warnings
 from cdpr_sim.core.checks import Frozen, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.physics.quiet import quiet
 
 PARTS = ("spring", "damper", "limit", "friction", "equality", "actuators")
 """What the tension of a tendon is the sum of, in the order of the table."""
@@ -97,12 +97,12 @@ def tendon_tensions(model: Any, data: Any) -> TendonTensions:
             f"data: found that of another model, with {len(data.qpos)} coordinates, {len(data.ctrl)} controls and "
             f"{len(data.ten_length)} tendons, expected {model.nq}, {model.nu} and {model.ntendon}"
         )
-    quiet, there = copy.copy(model), copy.copy(data)
-    quiet.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    quiet.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    with without_warnings():
-        mujoco.mj_forward(quiet, there)
-    found = tensions_in(quiet, there)
+    same, there = copy.copy(model), copy.copy(data)
+    same.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    same.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    with quiet():
+        mujoco.mj_forward(same, there)
+    found = tensions_in(same, there)
     if not np.isfinite(found.total).all():
         name = found.names[int(np.argmin(np.isfinite(found.total)))]
         raise InvalidInput(f"data: found forces that are not finite on tendon {name!r}, expected a finite state")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import functools
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +20,6 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.locks import holding
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
@@ -29,6 +27,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
+from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
 
 DISABLED = mujoco.mjtDisableBit
@@ -489,31 +488,3 @@ def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
     model.dof_armature[dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses
     return model
-
-
-_quiet_lock = threading.RLock()
-_quiet_users: list[object] = []
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep MuJoCo's warnings out of the terminal and MUJOCO_LOG.TXT: they are read from the warning counters instead.
-
-    The handler belongs to the process: the first caller replaces it and the last one restores it.
-    """
-
-    def begin() -> None:
-        _quiet_users.append(mujoco.get_mju_user_warning() if not _quiet_users else None)
-        mujoco.set_mju_user_warning(lambda message: None)
-
-    def end() -> None:
-        previous = _quiet_users[0]
-        _quiet_users.pop()
-        if not _quiet_users:
-            mujoco.set_mju_user_warning(previous)
-
-    holding(_quiet_lock, begin)
-    try:
-        yield
-    finally:
-        holding(_quiet_lock, end)

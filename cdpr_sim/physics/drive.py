@@ -28,9 +28,10 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
-from cdpr_sim.physics.batch import quiet, simulations_of
+from cdpr_sim.physics.batch import simulations_of
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_air, to_mjcf
+from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
 from cdpr_sim.physics.settle import settle, weighs, without_weight

@@ -24,10 +24,11 @@ from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
-from cdpr_sim.physics.batch import quiet, simulations_of
+from cdpr_sim.physics.batch import simulations_of
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import duration
 from cdpr_sim.physics.mjcf import place, to_mjcf
+from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion

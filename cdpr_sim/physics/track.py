@@ -33,12 +33,12 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
 from cdpr_sim.physics import tendons, winches
-from cdpr_sim.physics.batch import quiet
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.damping import STEPS, stiffest
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.dynamic_relaxation import inertias
 from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_air, to_mjcf
+from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
