@@ -64,8 +64,9 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
     """
     filelock = pytest.importorskip("filelock")
     shared, wheel = tmp_path_factory.getbasetemp(), ROOT / ".pytest_cache" / "wheel"
-    packed = [ROOT / "pyproject.toml", *sorted(path for path in (ROOT / "cdpr_sim").rglob("*.[pt]*") if path.is_file())]
-    key = hashlib.sha256(b"\0".join(path.read_bytes() for path in packed if path.suffix != ".pyc")).hexdigest()
+    files = sorted(path for path in (ROOT / "cdpr_sim").rglob("*.*") if "__pycache__" not in path.parts)
+    packed = [ROOT / "pyproject.toml", *(path for path in files if path.is_file())]
+    key = hashlib.sha256(b"\0".join(path.read_bytes() for path in packed)).hexdigest()
     wheel.parent.mkdir(exist_ok=True)
     with filelock.FileLock(wheel.with_suffix(".lock")):
         if not (wheel / key).exists():
