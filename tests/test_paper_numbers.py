@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+import paper_numbers as study
 from cdpr_sim.core import materials
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line
-from studies import paper_numbers as study
+from lines import PAPER_HEIGHTS, PAPER_LINE, line
 
 
 @pytest.fixture(scope="module")

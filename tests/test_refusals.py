@@ -358,8 +358,6 @@ COMMANDS = [
     ("video cogiro cogiro cogiro cogiro --compensate", "trajectories: found 8, expected 1 to 6 side by side"),
     ("models paralel", "unknown robot 'paralel'"),
     ("models parallel --damping much -o none", "damping: found 'much', expected 'settle', 'none'"),
-    ("figures paperline", "unknown figure 'paperline': did you mean paper-line"),
-    ("figures agreement -o /dev/null/in", "cannot be written"),
     (f"{DESIGN} --move exits=far", "move: found 'exits=far', expected a name, = and a number"),
     (f"{DESIGN} --move exits=", "move: found 'exits=', expected a name, = and a number"),
     (f"{DESIGN} --within 0,0,0,1", "within: found '0,0,0,1', expected a number, or 2, 3 or 6 with commas"),
@@ -409,13 +407,12 @@ def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
     of_results = {
         "show",
         "write_video",
-        "write_figures",
         "reset",
         "validate_layout",
         "verify_compensation",
         "scene_mjcf",
     }
-    of_files = {"import_robot", "list_figures", "list_robots", "load_robot", "open_sweep", "read_measurements"}
+    of_files = {"import_robot", "list_robots", "load_robot", "open_sweep", "read_measurements"}
     assert answering - of_files <= accepts
     assert refusing - of_results - of_files <= refuses
     of_models = {"diagnose_model", "holding_controls", "settle_model", "tendon_tensions"}
@@ -424,7 +421,7 @@ def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
     options = {option for _, _, *given in words for option in given if option.startswith("--")}
     assert options & refuses == {"--certify", "--pretension", "--drop", "--compensate", "--drive-seconds"}
     assert {name for name, *_ in words} - {"settle", "solve", "check", "video"} <= refuses
-    without = {"robots", "new", "schema", "import", "figures", "score", "settle-model", "diagnose"}
+    without = {"robots", "new", "schema", "import", "score", "settle-model", "diagnose"}
     assert set(cli.COMMANDS) - without <= accepts | refuses
 
 
