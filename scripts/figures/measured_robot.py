@@ -153,7 +153,7 @@ def _by_kind(data: cdpr.Measurements, residuals: Float[np.ndarray, "rows numbers
 
 SIZE = (9.6, 5.2)
 TITLES = {"tension": "tensions [N]", "rotation": "roll and pitch [°]", "swivel": "swivel angles [°]"}
-RIGID, ELASTIC = style.VERMILLION, style.BLUE
+RIGID_COLOR, ELASTIC_COLOR = style.VERMILLION, style.BLUE
 SPREAD = 0.16
 """Height over which points of one model are spread, of the distance between models."""
 
@@ -188,7 +188,7 @@ def _panel(axes: Axes, kind: str, fits: Sequence[MeasuredFit]) -> None:
     factor, unit = SHOWN[kind]
     widest = 0.0
     for place, fit in enumerate(fits):
-        color = RIGID if fit.name.startswith("rigid") else ELASTIC
+        color = RIGID_COLOR if fit.name.startswith("rigid") else ELASTIC_COLOR
         fitted, predicted = (factor * some[~np.isnan(some)] for some in (fit.fitted[kind], fit.predicted[kind]))
         size = fit.rms(kind, predicted=True)
         axes.barh(place, 2 * size, left=-size, height=0.62, color=color, alpha=0.16, lw=0)
