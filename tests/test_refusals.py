@@ -429,6 +429,7 @@ MISSING = [
     ("certify two-cable", "proof"), ("settle two-cable --certify", "proof"),
     ("equilibria two-cable --certify", "proof"),
     ("video two-cable -o v.mp4", "video"), ("report two-cable -o r.html", "video"),
+    ("report two-cable --no-video -o r.html", "report"),
     ("design two-cable --within 0.01 --video v.mp4", "video"),
 ]  # fmt: skip
 """Commands that need an extra."""
