@@ -352,7 +352,7 @@ def test_the_memory_that_is_asked_for_is_that_of_the_result(suffix, copies, tmp_
     """As many copies of it as are made, and one more for a NetCDF file; of many robots, and of one quantity."""
     said: list[float] = []
     monkeypatch.setattr(sweeping.free_ram, "refuse_beyond", lambda what, need, instead: said.append(need))
-    settled = dict(robots=["two-cable"], grid=(2, 1, 1), quantities=["tensions", "settled"])
+    settled = dict(grid=(1, 1, 2), quantities=["tensions", "settled"])
     for number, asked in enumerate((dict(quantities=["tilt"]), dict(robots=["cogiro", "parallel"]), settled)):
         store = tmp_path / f"{number}{suffix}" if suffix else None
         result = cdpr.sweep(**({"robots": "cogiro", "grid": (2, 2, 2), "store": store} | asked))
