@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,9 +14,6 @@ from cdpr_sim.core import cable_path
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.robot import Robot
-
-VARIED = ("exits", "anchors", "axial_stiffness", "linear_density", "center_of_mass")
-"""What may differ from robot to robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,3 +98,7 @@ class RobotBatch(Frozen):
             table[..., WEIGHT] = self.cable_weights[:, None]
             table[..., WRAPPED] = cable_path.wrapped_lengths(robot.cabling, chords)[:, None]
         return table
+
+
+VARIED = tuple(one.name for one in dataclasses.fields(RobotBatch) if one.name != "robot")
+"""What may differ from robot to robot."""

@@ -87,6 +87,7 @@ class Cable:
     def __init__(self, problem: Problem, index: int) -> None:
         cabling = problem.robot.cabling
         cabling.refuse_memory()
+        cabling.refuse_unknown("proof")
         self.exit = exact(cabling.exits[index])
         self.anchor = exact(cabling.anchors[index])
         self.rest_length = exact(problem.rest_lengths[index])

@@ -257,6 +257,7 @@ def refuse_unsearchable(problem: Problem) -> None:
     """
     extras.require("proof", "certify_all")
     problem.robot.cabling.refuse_memory()
+    problem.robot.cabling.refuse_unknown("proof")
     problem.robot.cabling.refuse_weight("certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput(
