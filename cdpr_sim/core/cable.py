@@ -240,9 +240,14 @@ class Cabling(Cables, Frozen):
         return len(self.exits)
 
     @cached_property
+    def with_mass(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have mass, (cables,)."""
+        return self.linear_density > 0
+
+    @cached_property
     def massless(self) -> bool:
         """Whether no cable has mass."""
-        return not self.linear_density.any()
+        return not self.with_mass.any()
 
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
@@ -250,9 +255,14 @@ class Cabling(Cables, Frozen):
         return self.pulley_radius > 0
 
     @cached_property
+    def nonlinear(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have a tension that is not proportional to their strain, (cables,)."""
+        return np.asarray(self.stiffening.any(-1))
+
+    @cached_property
     def linear(self) -> bool:
         """Whether every cable's tension is proportional to its strain."""
-        return not self.stiffening.any()
+        return not self.nonlinear.any()
 
     @cached_property
     def bent(self) -> bool:
@@ -306,7 +316,20 @@ class Cabling(Cables, Frozen):
         """
         self.refuse_unknown("statics")
         self.refuse_memory()
-        return self.axial_stiffness, *self.stiffening.T
+        return self.axial_stiffness, *self.coefficients
+
+    @property
+    def coefficients(self) -> tuple[Float[np.ndarray, " cables"], ...]:
+        """The arguments of ``cable_law`` behind the axial stiffness: a2, a3."""
+        return (*self.stiffening.T,)
+
+    def pulls(self, tensions: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """Of the tensions of ropes the forces on the platform, with all parts of line, (..., cables) [N]."""
+        return self.reeving * tensions
+
+    def tensions(self, pulls: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """Of the forces on the platform, with all parts of line, the tensions of ropes, (..., cables) [N]."""
+        return pulls / self.reeving
 
     @cached_property
     def direct(self) -> bool:
@@ -345,7 +368,7 @@ class Cabling(Cables, Frozen):
             rest_lengths: unstretched lengths [m].
         """
         behind = MOST_STRAIN * self.behind
-        return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
+        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
@@ -402,7 +425,7 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
             f"{1 - left[cable] / steepness[cable]:.4g} in cable {cable + 1}, expected less than 1{lowest}: the tension "
             "could fall while the cable gets longer"
         )
-    bent = (cabling.linear_density > 0) & cabling.stiffening.any(-1) & cabling.has("hysteresis")
+    bent = cabling.with_mass & cabling.nonlinear & cabling.has("hysteresis")
     if bent.any():
         raise InvalidInput(
             f"hysteresis: found it in cable {int(np.argmax(bent)) + 1} together with mass and a nonlinear law, "

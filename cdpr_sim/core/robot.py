@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import inspect
 import math
 from collections.abc import Mapping, Sequence
@@ -288,7 +289,7 @@ class Robot(Cables, HtmlRepr):
     @cached_property
     def cable_weights(self) -> Float[np.ndarray, " cables"]:
         """Weight of the cables per length from exit to anchor, with all parts of line, (cables,) [N/m]."""
-        return frozen(self.cabling.reeving * (self.cabling.linear_density * self.gravity))
+        return frozen(self.cabling.pulls(self.cabling.linear_density * self.gravity))
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
@@ -317,7 +318,7 @@ class Robot(Cables, HtmlRepr):
         if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
             return self._cable_table
         table = np.broadcast_to(self._cable_table, (*axial_stiffness.shape, COLUMNS)).copy()
-        table[..., STIFFNESS] = self.cabling.reeving * axial_stiffness
+        table[..., STIFFNESS] = self.cabling.pulls(axial_stiffness)
         return table
 
     @cached_property
@@ -504,6 +505,12 @@ def _robot_of(given: dict[str, Any]) -> Robot:
     object.__setattr__(robot, "_copied", True)
     Robot.__init__(robot, **given)
     return robot
+
+
+@functools.lru_cache(maxsize=16)
+def without_mass(robot: Robot) -> Robot:
+    """The same robot with massless cables; cached, since simulations of it are cached too."""
+    return robot if robot.cabling.massless else robot.replace(linear_density=0.0)
 
 
 def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:

@@ -75,7 +75,7 @@ class RobotBatch(Frozen):
     @property
     def cable_weights(self) -> Float[np.ndarray, "layouts cables"]:
         """Weights of the cables per length, with all parts of line (``Robot.cable_weights``) [N/m]."""
-        return self.robot.reeving * (self.linear_density * self.robot.gravity)
+        return self.robot.cabling.pulls(self.linear_density * self.robot.gravity)
 
     @cached_property
     def displacements(self) -> Float[np.ndarray, " layouts"]:
@@ -92,7 +92,7 @@ class RobotBatch(Frozen):
         table[:] = robot.cabling.packed
         table[..., EXIT : EXIT + 3] = self.exits[:, None]
         table[..., ANCHOR : ANCHOR + 3] = self.anchors[:, None]
-        table[..., STIFFNESS] = robot.reeving * axial_stiffness
+        table[..., STIFFNESS] = robot.cabling.pulls(axial_stiffness)
         if not robot.cabling.massless:
             chords = self.exits - robot.home - self.anchors
             table[..., WEIGHT] = self.cable_weights[:, None]

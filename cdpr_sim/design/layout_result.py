@@ -11,6 +11,7 @@ from cdpr_sim.analysis.sensitivity import name_of
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot_batch import VARIED
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.objectives import Limits, Objective
 
@@ -100,7 +101,7 @@ class LayoutResult(Frozen, HtmlRepr):
     def changes(self) -> tuple[Change, ...]:
         """Every parameter that changed."""
         changes = []
-        for name in ("exits", "anchors", "center_of_mass", "axial_stiffness", "linear_density"):
+        for name in VARIED:
             before, after = (np.ravel(getattr(robot, name)).tolist() for robot in (self.given, self.robot))
             for index, ends in enumerate(zip(before, after, strict=True)):
                 if ends[0] != ends[1]:

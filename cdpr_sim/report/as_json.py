@@ -45,7 +45,7 @@ def outcome(result: Outcome) -> dict[str, Any]:
     point = best_point(result)
     if point is None:
         return status
-    if (point.problem.robot.reeving > 1).any():
+    if (point.pulls != point.tensions).any():
         status |= fields(point, "pulls")
     return (
         status | fields(point, *_NUMBERS) | {"stability": point.stability.name.lower(), "iterations": point.iterations}
