@@ -169,7 +169,8 @@ class Compensation(Frozen, HtmlRepr):
         return self.equilibrium.overloaded
 
     def __repr__(self) -> str:
-        broken = f", {int(self.overloaded.sum())} cables beyond their breaking load" if self.overloaded.any() else ""
+        count = int(self.overloaded.sum())
+        broken = f", {count} cable{'s' * (count > 1)} beyond the breaking load" if count else ""
         return f"<Compensation: {self.outcome.value}, {1e3 * self.distance:.3g} mm away{broken}>"
 
 

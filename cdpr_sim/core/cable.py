@@ -122,23 +122,28 @@ class Cables:
     exits: Float[np.ndarray, "cables 3"] = declared(
         "Exit point A_i in the base frame, z up; over a pulley, where the cable first touches it.",
         "m", key="exit", shape=(3,), checks=(within(-MOST_LENGTH, MOST_LENGTH),), image="point", known_to=EVERY,
+        label="exit {cable} {part}",
     )
     anchors: Float[np.ndarray, "cables 3"] = declared(
         "Anchor point B_i in the platform frame.",
         "m", key="anchor", shape=(3,), checks=(within(-MOST_LENGTH, MOST_LENGTH),), image="point", known_to=EVERY,
+        label="anchor {cable} {part}",
     )
     axial_stiffness: Float[np.ndarray, " cables"] = declared(
         "Axial stiffness EA.", "N", checks=(above_0, within(*STIFFNESS_RANGE)), known_to=EVERY,
+        label="EA of cable {cable}",
     )
     linear_density: Float[np.ndarray, " cables"] = declared(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
         "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)), known_to=EVERY,
+        label="mass per length of cable {cable}",
         example=("0.002", 'kg/m, or "material"; default: massless cables'),
         said=("{} g/m", lambda cabling: 1e3 * cabling.linear_density),
     )
     stiffening: Float[np.ndarray, "cables 2"] = declared(
         "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.",
         "", (0.0, 0.0), shape=(2,), checks=(within(-MOST_STIFFENING, MOST_STIFFENING),), known_to=EVERY,
+        label="{part} of cable {cable}", parts=("a2", "a3"),
         example=("[50, 0]", "(a2, a3) of tension = EA (eps + a2 eps^2 + a3 eps^3)"),
         said=("nonlinear with a2 = {}, a3 = {}", lambda cabling: cabling.stiffening),
     )
@@ -332,9 +337,14 @@ class Cabling(Cables, Frozen):
         return pulls / self.reeving
 
     @cached_property
+    def reeved(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have rope behind their exit or several parts of line, (cables,)."""
+        return self.has("winch_to_exit") | self.has("reeving")
+
+    @cached_property
     def direct(self) -> bool:
         """Whether every cable is wound at its exit and has one part of line."""
-        return not self.winch_to_exit.any() and bool((self.reeving == 1).all())
+        return not self.reeved.any()
 
     @cached_property
     def behind(self) -> Float[np.ndarray, " cables"]:

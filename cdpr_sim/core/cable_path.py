@@ -141,6 +141,18 @@ def wheel(
     return exit_ + radius * outwards, outwards, axis, radius, float(wrap)
 
 
+def leaves_wheel(
+    cabling: Cabling, directions: Float[np.ndarray, "*batch cables 3"]
+) -> tuple[Float[np.ndarray, "*batch cables 3"], Float[np.ndarray, "*batch cables"]]:
+    """Where cables that leave their wheels along unit vectors do so, from their exits; and the lengths before [m]."""
+    axis, radius = cabling.pulley_axis, cabling.pulley_radius
+    cosine = (directions * axis).sum(-1)[..., None]
+    outwards = directions - cosine * axis
+    sine = np.linalg.norm(outwards, axis=-1, keepdims=True)
+    points = radius[:, None] * ((1 - cosine) * outwards / sine + sine * axis)
+    return points, radius * np.arctan2(sine, cosine)[..., 0]
+
+
 def swivel_angles(
     cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
 ) -> tuple[Float[np.ndarray, "*batch cables"], Float[np.ndarray, "*batch cables 3"]]:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.materials import OF_MATERIAL
 from cdpr_sim.core.robot import Robot
 
 _SIZES = {"MN": 1e6, "kN": 1e3, "N": 1.0}
@@ -50,14 +51,10 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
         if one.said is not None and which.any():
             text, numbers = one.said
             columns = numbers(cabling)[which].reshape(which.sum(), -1).T
-            parts.append(f"{text.format(*map(span, columns))}{_some(which)}")
+            parts.append(f"{text.format(*map(span, columns))}{some(which)}")
     if robot.pretension is not None:
         parts.append(f"{robot.pretension:g} N of pretension")
     return tuple(parts)
-
-
-NUMBERS = {"axial_stiffness": "EA", "linear_density": "mass per length", "breaking_load": "breaking load"}
-"""Fields of cables that a material gives, in words."""
 
 
 def describe_origins(robot: Robot) -> str:
@@ -80,13 +77,14 @@ def numbers_by_hand(robot: Robot) -> list[str]:
 def _by_origin(robot: Robot) -> dict[str | None, list[str]]:
     """Labels of numbers by the material from which they came."""
     found: dict[str | None, list[str]] = {}
-    for field, label in NUMBERS.items():
+    for field in OF_MATERIAL:
+        label = PROPERTIES[field].number(0).removesuffix(" of cable 1")
         values, names = getattr(robot, field), robot.from_material.get(field, (None,) * robot.cables)
         known = np.isfinite(values) & (values > 0)
         for name in dict.fromkeys(names):
             which = known & np.array([one == name for one in names])
             if which.any():
-                found.setdefault(name, []).append(f"{label}{_some(which)}")
+                found.setdefault(name, []).append(f"{label}{some(which)}")
     return found
 
 
@@ -111,5 +109,6 @@ def span(values: Float[np.ndarray, " some"]) -> str:
     return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
 
 
-def _some(which: Bool[np.ndarray, " cables"]) -> str:
+def some(which: Bool[np.ndarray, " cables"]) -> str:
+    """Of how many cables, in brackets; nothing if of all."""
     return "" if which.all() else f" ({which.sum()} of {len(which)})"

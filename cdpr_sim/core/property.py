@@ -49,6 +49,8 @@ class Property:
         memory: whether it makes the tension depend on the path.
         only_with: name of the property without which it has no effect.
         key: in robot files; by default its name. "pulley.radius" is a key of the table ``pulley``.
+        label: name of one number, with {cable} and {part}; by default the field's name and the cable.
+        parts: names of the numbers of one cable.
         example: as the robot file's template shows it: a value in TOML, and a comment.
         said: of a cable that has it, in descriptions: a text, and the numbers for its {} from a ``Cabling``,
             (cables, ...).
@@ -66,6 +68,8 @@ class Property:
     memory: bool = False
     only_with: str | None = None
     key: str | None = None
+    label: str = ""
+    parts: tuple[str, ...] = ("x", "y", "z")
     example: tuple[str, str] | None = None
     said: tuple[str, Callable[[Any], np.ndarray]] | None = None
     name: str = ""
@@ -99,6 +103,12 @@ class Property:
             return np.ones(len(values), bool)
         usual, numbers = (self.default, values) if self.none is None else (self.none[0], values[..., 0])
         return np.asarray((numbers != usual).reshape(len(values), -1).any(-1))
+
+    def number(self, index: int) -> str:
+        """The name of one number, such as "exit 3 z", by its index among those of all cables."""
+        cable, part = divmod(index, int(np.prod(self.shape)))
+        label = self.label or f"{self.name.replace('_', ' ')} of cable {{cable}}"
+        return label.format(cable=cable + 1, part=self.parts[part])
 
     @property
     def place(self) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.analysis.sensitivity import name_of
+from cdpr_sim.analysis.sensitivity import name_of, unit_of
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
@@ -32,11 +32,13 @@ class Change:
     Attributes:
         name: as "exit 3 z" or "EA of cable 2".
         before, after: in SI units.
+        unit: "m", "N" or "kg/m".
     """
 
     name: str
     before: float
     after: float
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,7 @@ class LayoutResult(Frozen, HtmlRepr):
             before, after = (np.ravel(getattr(robot, name)).tolist() for robot in (self.given, self.robot))
             for index, ends in enumerate(zip(before, after, strict=True)):
                 if ends[0] != ends[1]:
-                    changes.append(Change(name_of(name, index), *ends))
+                    changes.append(Change(name_of(name, index), *ends, unit_of(name)))
         return tuple(changes)
 
     def __str__(self) -> str:
