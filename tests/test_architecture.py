@@ -71,7 +71,6 @@ NAME_A_PROPERTY = {
     "physics.damping", "physics.mjcf", "physics.model_files", "physics.release", "physics.rope_motion",
     "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.sensing", "physics.settle",
     "physics.track", "physics.winch_controls", "physics.winches", "statics.newton",
-    "studies.better_layouts", "studies.real_cables",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 

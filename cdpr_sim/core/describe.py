@@ -78,7 +78,7 @@ def _by_origin(robot: Robot) -> dict[str | None, list[str]]:
     """Labels of numbers by the material from which they came."""
     found: dict[str | None, list[str]] = {}
     for field in OF_MATERIAL:
-        label = PROPERTIES[field].number(0).removesuffix(" of cable 1")
+        label = PROPERTIES[field].title
         values, names = getattr(robot, field), robot.from_material.get(field, (None,) * robot.cables)
         known = np.isfinite(values) & (values > 0)
         for name in dict.fromkeys(names):

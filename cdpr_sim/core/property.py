@@ -111,6 +111,11 @@ class Property:
         return label.format(cable=cable + 1, part=self.parts[part])
 
     @property
+    def title(self) -> str:
+        """What its numbers are: "EA"."""
+        return self.number(0).removesuffix(" of cable 1")
+
+    @property
     def place(self) -> tuple[str, str]:
         """The table of robot files, "" for the cable's own, and the key there."""
         table, _, key = (self.key or self.name).rpartition(".")
