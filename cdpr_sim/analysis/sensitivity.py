@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.checks import one_of
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
@@ -171,26 +172,23 @@ def sensitivity(
 
 def _unit(parameter: str, index: int, equilibrium: Equilibrium) -> tuple[str, float]:
     """The unit of change, and its size in SI units."""
-    if parameter in ("axial_stiffness", "mass", "linear_density", "stiffening"):
-        value = np.ravel(getattr(equilibrium.problem.robot, parameter))[index]
-        return "%", 0.01 * abs(float(value))
     if parameter == "external_wrench":
         return ("N", 1.0) if index < 3 else ("N mm", 1e-3)
-    return "mm", 1e-3
+    if unit_of(parameter) == "m":
+        return "mm", 1e-3
+    value = np.ravel(getattr(equilibrium.problem.robot, parameter))[index]
+    return "%", 0.01 * abs(float(value))
 
 
-_NAMES = {
-    "exits": "exit {row} {axis}", "anchors": "anchor {row} {axis}", "rest_lengths": "rest length {number}",
-    "axial_stiffness": "EA of cable {number}", "mass": "mass", "center_of_mass": "centre of mass {axis}",
-    "pulley_radius": "pulley radius {number}", "winch_to_exit": "winch to exit {number}",
-    "linear_density": "linear density of cable {number}", "stiffening": "a{coefficient} of cable {pair}",
-    "external_wrench": "{load} {axis}",
-}  # fmt: skip
+def unit_of(parameter: str) -> str:
+    """The unit in SI of a parameter of equilibria other than a wrench."""
+    return PROPERTIES[parameter].unit if parameter in PROPERTIES else {"mass": "kg"}.get(parameter, "m")
 
 
 def name_of(parameter: str, index: int) -> str:
     """The name of a number, such as "exit 3 z"."""
-    return _NAMES[parameter].format(
-        number=index + 1, row=index // 3 + 1, axis="xyz"[index % 3], pair=index // 2 + 1, coefficient=index % 2 + 2,
-        load="force" if index < 3 else "torque",
-    )  # fmt: skip
+    if parameter in PROPERTIES:
+        return PROPERTIES[parameter].number(index)
+    axis = "xyz"[index % 3]
+    others = {"rest_lengths": f"rest length {index + 1}", "mass": "mass", "center_of_mass": f"centre of mass {axis}"}
+    return others.get(parameter, f"{'force' if index < 3 else 'torque'} {axis}")
