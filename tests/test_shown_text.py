@@ -58,6 +58,7 @@ from cdpr_sim.report import (
     score_tables,
     workspace_tables,
 )  # fmt: skip
+from cdpr_sim.report.table_style import Sheet
 from studies import real_cable_tables
 
 UNKNOWN = cdpr.NotConverged("stalled [here]", equilibrium())
@@ -204,9 +205,19 @@ def rows(table: Table) -> dict[str, list[str]]:
 
 
 def written(part: object) -> str:
-    """With all markup, a table's cells separated by bars, and styles of its rows and columns in brackets."""
+    """With all markup, a table's cells separated by bars, and styles of its rows and columns in brackets.
+
+    Which columns are left-aligned or may be broken, how far they are apart, and what is below what on a narrow screen.
+    """
     if isinstance(part, Table):
-        heads = [f"{column.header} ({column.style})" if column.style else str(column.header) for column in part.columns]
+        heads = [
+            f"{column.header}{' ←' * (column.justify == 'left')}{' wraps' * (not column.no_wrap)}"
+            + (f" ({column.style})" if column.style else "")
+            for column in part.columns
+        ]
+        if isinstance(part, Sheet):
+            below = "columns" if part.methods else f"rows named by {part.text_columns}"
+            heads[-1] += f"   padding {part.padding}, {below} below each other"
         lines = [" | ".join(heads).replace("\n", "\\n")]
         for number, row in enumerate(part.rows):
             style, end = f" ({row.style})" * bool(row.style), "\n" * row.end_section
