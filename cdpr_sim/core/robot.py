@@ -343,23 +343,6 @@ class Robot(HtmlRepr):
         table[:, WEIGHT], table[:, WRAPPED] = self.cable_weights, self.wrapped_lengths
         return frozen(table)
 
-    def beside(self, name: str, value: Float[np.ndarray, "cables ..."]) -> Robot:
-        """A copy with another value of one property of the cables, which is not checked: for differences.
-
-        Args:
-            name: of an attribute of the cables; or "wrapped_lengths".
-            value: with a row for each cable.
-
-        Returns:
-            The copy.
-        """
-        made = object.__new__(Robot)
-        own = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
-        if name in own:
-            own["cabling"] = dataclasses.replace(self.cabling, **{name: value})
-        made.__dict__.update(own | {name: value})
-        return made
-
     @cached_property
     def characteristic_length(self) -> float:
         """A length of the platform [m] that makes rotations comparable with translations.
@@ -528,6 +511,22 @@ class Robot(HtmlRepr):
 
 FIELDS = tuple(inspect.signature(Robot).parameters)
 """Fields of a robot, which ``replace`` can change."""
+
+
+def beside(robot: Robot, name: str, value: Float[np.ndarray, "cables ..."]) -> Robot:
+    """A copy with another value of one property of the cables, which is not checked: for differences.
+
+    Args:
+        robot: the robot.
+        name: of an attribute of the cables; or "wrapped_lengths".
+        value: with a row for each cable.
+    """
+    made = object.__new__(Robot)
+    own = {one.name: getattr(robot, one.name) for one in dataclasses.fields(robot)}
+    if name in own:
+        own["cabling"] = dataclasses.replace(robot.cabling, **{name: value})
+    made.__dict__.update(own | {name: value})
+    return made
 
 
 def _robot_of(given: dict[str, Any]) -> Robot:

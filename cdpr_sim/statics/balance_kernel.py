@@ -26,7 +26,7 @@ MOST_CHANGES = 200
 
 BALANCED = 1e-9
 """Unbalanced force, as a fraction of the load, that still counts as balance. Where forces balance, the rounding left is
-1e-15; this much is left within a nanometre of the border (``scripts/measure_constants.py``)."""
+1e-15; this much is left within a nanometre of the border (``scripts/dev/measure_constants.py``)."""
 
 MOST_CUTS = 60
 """Largest number of cutting planes, directions in which the cables pull too little; catalogue robots need a few."""

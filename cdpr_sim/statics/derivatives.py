@@ -17,7 +17,7 @@ from jaxtyping import Float
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import MOST_STRAIN, STIFFENING, STIFFNESS, WEIGHT
 from cdpr_sim.core.problem import Problems
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, beside
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.forces import State, cross_matrix
@@ -260,7 +260,7 @@ def _pulls_beside(state: State, name: str, value: Array, path: bool) -> Float[Ar
     problem, at = state.problem, (state.position, state.rotation)
     if name == "axial_stiffness" and isinstance(problem, Problems):
         return forces.at(dataclasses.replace(problem, axial_stiffness=value), *at).pulls
-    other = dataclasses.replace(problem, robot=problem.robot.beside(name, value))
+    other = dataclasses.replace(problem, robot=beside(problem.robot, name, value))
     if not path:
         return forces.at(other, *at).pulls
     longer = forces.geometry(other.robot, *at).lengths - state.lengths
