@@ -169,6 +169,13 @@ def test_walls_stand():
             assert "mujoco" not in libraries(names), module
 
 
+def test_the_compiler_is_used_by_its_documented_functions_alone():
+    """Internals of Numba and LLVM change from version to version."""
+    for module, names in (anywhere() | in_studies()).items():
+        assert not any(f"{name}.".startswith(("numba.core.", "llvmlite.")) for name in names), module
+        assert "numba.core" not in ast.unparse((trees() | studies())[module]), module
+
+
 def test_nothing_touches_matplotlibs_global_state():
     """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
     for module, names in (anywhere() | in_studies()).items():

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics.any_cable import NODES, WEIGHTS, any_cables
 from cdpr_sim.statics.forces import State, cross_matrix
@@ -197,25 +197,26 @@ def _pull_slopes(
         pulls: forces on the anchors [N].
         stiffness: −∂pull/∂anchor [N/m].
     """
-    EA, a2, a3, r, w = (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1, RADIUS, WEIGHT))
+    law, r, w = cable_law.of_table(table), table[..., RADIUS], table[..., WEIGHT]
     axis, L, up = table[..., AXIS : AXIS + 3], rest_lengths - table[..., WRAPPED], np.array([0.0, 0.0, 1.0])
 
     def along(v):
         """(tension, unit vector, strain, slope of strain) under the tension vector v."""
         T = np.linalg.norm(v, axis=-1)
-        strain = 1 / cable_law.rest_length_for(1.0, T, EA, a2, a3) - 1
-        slope, _ = cable_law.tangent(strain, 1.0, EA, a2, a3)
+        strain = cable_law.strain_at(T, law)
+        slope, _ = cable_law.tangent(strain, 1.0, law)
         return T, v / np.where(T > 0, T, 1.0)[..., None], strain, 1 / slope
 
     def by_law(T, u, strain, slope):
         """Of the stretch along u by EA, a2 and a3."""
+        EA, _, _ = law
         by = [T / EA, EA * strain**2, EA * strain**3]
         return np.stack([(-slope * one)[..., None] * u for one in by], axis=-1)
 
     t = -pulls - (w * L)[..., None] * up
     T, u, strain, slope = along(t)
     end = np.linalg.norm(pulls, axis=-1)
-    law = (table[..., WRAPPED] + table[..., BEHIND])[..., None, None] * by_law(T, u, strain, slope)
+    stretched = (table[..., WRAPPED] + table[..., BEHIND])[..., None, None] * by_law(T, u, strain, slope)
     # Where a cable sags, the line that touches the law at the exit, 1 + eps = mu + slope T, has a closed integral, and
     # Gauss's rule sums what is left; a cable that does not is left to Gauss's rule.
     sags = w * L > SAGS * T
@@ -227,17 +228,17 @@ def _pull_slopes(
     nodes, parts = (NODES, WEIGHTS) if w.any() else ([0.5], [1.0])
     for node, part in zip(nodes, parts, strict=True):
         there, v, e, k = along(t + (node * w * L)[..., None] * up)
-        law = law + (part * L)[..., None, None] * by_law(there, v, e, k)
+        stretched = stretched + (part * L)[..., None, None] * by_law(there, v, e, k)
         across = ((1 + e - mu - there * line) / np.where(there > 0, there, 1.0))[..., None] * (up - v[..., 2:] * v)
         by_weight = by_weight + (part * node * L * L)[..., None] * ((k - line)[..., None] * v[..., 2:] * v + across)
     cosine = (u * axis).sum(-1)[..., None]
     n = u - cosine * axis
     sine = np.linalg.norm(n, axis=-1, keepdims=True)
     radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
-    by = [law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, by_weight]
+    by = [stretched[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, by_weight]
     _, last, strain_there, _ = along(-pulls)
     wrapped = (1 + strain)[..., None] * u - (1 + strain_there)[..., None] * last  # massless length in place of the last
-    turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2], wrapped], axis=-1)
+    turned = stiffness @ np.stack([*np.broadcast_arrays(*by), stretched[..., 1], stretched[..., 2], wrapped], axis=-1)
     turned[..., 2, 3] -= L
     turned[..., 2, 6] += w
     return np.concatenate([_pulls_by_length(table, pulls, stiffness)[..., None], turned], axis=-1)
@@ -265,8 +266,8 @@ def _pulls_by_length(
     stiffness: Float[np.ndarray, "*batch 3 3"],
 ) -> Float[np.ndarray, "*batch 3"]:
     """The first of ``_pull_slopes``: the last piece of cable at the anchor, stretched by its tension, is more."""
-    size, law = np.linalg.norm(pulls, axis=-1), (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1))
-    unstretched = cable_law.rest_length_for(1.0, size, *law)
+    size = np.linalg.norm(pulls, axis=-1)
+    unstretched = cable_law.rest_length_for(1.0, size, cable_law.of_table(table))
     piece = -pulls / (np.where(size > 0, size, 1.0) * unstretched)[..., None]
     by_length = (stiffness @ piece[..., None])[..., 0]
     by_length[..., 2] -= table[..., WEIGHT]
@@ -303,7 +304,7 @@ def rest_lengths_under(
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -chords)[0], tensions, *cabling.law, behind=cabling.behind
+        cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.behind
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions

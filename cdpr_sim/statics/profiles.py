@@ -100,13 +100,13 @@ def profiles(
         cosine = (u * e).sum(-1)[..., None]
         n = u - cosine * e
         sine = np.linalg.norm(n, axis=-1, keepdims=True)
-        law = axial_stiffness, *cabling.stiffening.T
-        unstretched = cable_law.rest_length_for(1.0, T, *law)
+        law = cable_law.of_table(table)
+        unstretched = cable_law.rest_length_for(1.0, T, law)
         on_wheel = r * np.arctan2(sine, cosine)[..., 0] * unstretched
         # Rope from behind the exit that its stretch moves past the exit.
         pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
         mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
-        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        secant = mean / cable_law.strain_at(mean, law)
         over = cabling.pulleys & (weights > 0)
         starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
     rest = np.where(over, rest - on_wheel, rest) + pulled_out
