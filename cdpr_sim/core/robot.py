@@ -499,6 +499,22 @@ FIELDS = tuple(inspect.signature(Robot).parameters)
 """Fields of a robot, which ``replace`` can change."""
 
 
+def beside(robot: Robot, name: str, value: Float[np.ndarray, "cables ..."]) -> Robot:
+    """A copy with another value of one property of the cables, which is not checked: for differences.
+
+    Args:
+        robot: the robot.
+        name: of an attribute of the cables; or "wrapped_lengths".
+        value: with a row for each cable.
+    """
+    made = object.__new__(Robot)
+    own = {one.name: getattr(robot, one.name) for one in dataclasses.fields(robot)}
+    if name in own:
+        own["cabling"] = dataclasses.replace(robot.cabling, **{name: value})
+    made.__dict__.update(own | {name: value})
+    return made
+
+
 def _robot_of(given: dict[str, Any]) -> Robot:
     """A copy, perhaps changed, of a robot with these arguments, without the warnings about implausible properties."""
     robot = object.__new__(Robot)
