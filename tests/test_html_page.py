@@ -1,5 +1,6 @@
 """The page to hand on: one file, whose numbers are MuJoCo's and the solver's, and which a browser shows as it is."""
 
+import base64
 import dataclasses
 import itertools
 import json
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import made_up
+import mediapy
 import numpy as np
 import pytest
 from drawn_figures import swept
@@ -64,12 +66,18 @@ def test_the_page_is_one_file_that_asks_for_nothing(text):
     assert not any(values.get("src") == "x" for _, values in read.tags)
 
 
+def test_the_film_has_a_frame_of_every_state(text):
+    """Twelve a second, of the size asked for."""
+    film = base64.b64decode(re.search(r'data:video/mp4;base64,([^"]+)', text)[1])  # type: ignore[index]
+    assert np.asarray(mediapy.decompress_video(film)).shape == (len(made_up.states()), 240, 320, 3)
+
+
 def shown_page(summary) -> str:
     """The page's text without its style, its script and its maps; the data of its picture, a number a line."""
     text = html_page.html_page(summary)
     data = json.loads(re.search(r'<script type="application/json" id="scene">(.*?)</script>', text)[1])  # type: ignore[index]
     text = re.sub(r"<(style|script)[^>]*>.*?</\1>|Written by cdpr_sim [^<]*", "", text, flags=re.DOTALL)
-    text = re.sub(r'"data:image[^"]*"', '"data:image"', text)
+    text = " ".join(re.sub(r'"data:image[^"]*"', '"data:image"', text).split())
     return re.sub(r"(?=<(?:tr|p|h\d|table|section|div|figure|option)\b)", "\n", text) + json.dumps(data, indent=0)
 
 
