@@ -67,10 +67,9 @@ CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as
 """They name the creep of MuJoCo's constraints."""
 
 NAME_A_PROPERTY = {
-    "analysis.workspace.sweep", "jax", "physics.batch",
-    "physics.release", "physics.rope_motion",
-    "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.settle",
-    "physics.track", "physics.winches", "statics.newton",
+    "analysis.workspace.sweep", "jax", "physics.batch", "physics.release", "physics.rope_motion",
+    "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
+    "physics.winches",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 
@@ -203,6 +202,13 @@ def test_walls_stand():
                 module == "robots.importers.mujoco_model"
             )  # a model is read as MuJoCo reads it; nothing is computed
             assert ("mujoco" in libraries(names)) == compiles, module
+
+
+def test_the_compiler_is_used_by_its_documented_functions_alone():
+    """Internals of Numba and LLVM change from version to version."""
+    for module, names in (anywhere() | in_scripts()).items():
+        assert not any(f"{name}.".startswith(("numba.core.", "llvmlite.")) for name in names), module
+        assert "numba.core" not in ast.unparse((trees() | scripts())[module]), module
 
 
 def test_nothing_touches_matplotlibs_global_state():

@@ -342,19 +342,18 @@ class Cabling(Cables, Frozen):
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3.
+        """The law of each rope, of ``cable_law``: axial stiffness [N], a2, a3.
 
         Raises:
             InvalidInput: cables with a memory, which have another law.
         """
         self.refuse_unknown("statics")
         self.refuse_memory()
-        return self.axial_stiffness, *self.coefficients
+        return self.law_of(self.axial_stiffness)
 
-    @property
-    def coefficients(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` behind the axial stiffness: a2, a3."""
-        return (*self.stiffening.T,)
+    def law_of(self, axial_stiffness: Float[np.ndarray, "*batch cables"]) -> tuple[Float[np.ndarray, "..."], ...]:
+        """The law of ropes of this axial stiffness [N], apart from their memory."""
+        return axial_stiffness, *self.stiffening.T
 
     def pulls(self, tensions: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
         """Of the tensions of ropes the forces on the platform, with all parts of line, (..., cables) [N]."""

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import PROPERTIES, STIFFENING, STIFFNESS, WEIGHT
+from cdpr_sim.core.cable import PROPERTIES, WEIGHT
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.property import Step
 from cdpr_sim.core.robot import Robot, beside
@@ -116,7 +116,7 @@ def by_parameter(
         along = (state.pull_directions[..., None, :] @ by)[..., 0, :]
         if name == "linear_density":  # which pulls in a slack massless cable as well
             along = np.where((state.tensions > 0)[..., None], along, np.linalg.norm(by, axis=-2))
-        along = along / robot.reeving[:, None]
+        along = robot.cabling.tensions(along.swapaxes(-1, -2)).swapaxes(-1, -2)
         each = np.eye(robot.cables)[..., None] * along[..., :, None, :]
         found[name] = both.reshape(*both.shape[:-2], -1), each.reshape(*shape, -1)
     return found
@@ -167,7 +167,7 @@ def along_changes(
 def tension_by_pose(state: State) -> Float[Array, "*batch cables 6"]:
     """∂(tensions)/∂(pose step): minus the pull's change along itself with the anchor's step, 1 and −[r]×."""
     along = (state.pull_directions[..., None, :] @ state.cable_stiffness)[..., 0, :]
-    along = along / state.problem.robot.reeving[:, None]
+    along = state.problem.robot.cabling.tensions(along.swapaxes(-1, -2)).swapaxes(-1, -2)
     return -np.concatenate([along, np.cross(state.geometry.arms, along)], axis=-1)
 
 
@@ -254,8 +254,8 @@ def _pulls_by_length(
         pulls: forces on the anchors [N].
         stiffness: −∂pull/∂anchor [N/m].
     """
-    size, law = np.linalg.norm(pulls, axis=-1), (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1))
-    unstretched = cable_law.rest_length_for(1.0, size, *law)
+    size = np.linalg.norm(pulls, axis=-1)
+    unstretched = cable_law.rest_length_for(1.0, size, cable_law.of_table(table))
     piece = -pulls / (np.where(size > 0, size, 1.0) * unstretched)[..., None]
     by_length = (stiffness @ piece[..., None])[..., 0]
     by_length[..., 2] -= table[..., WEIGHT]
@@ -277,7 +277,7 @@ def rest_lengths_under(
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -chords)[0], tensions, *cabling.law, behind=cabling.behind
+        cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.behind
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.pulls(tensions)
