@@ -198,9 +198,8 @@ def test_walls_stand():
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
-            compiles = (
-                module == "robots.importers.mujoco_model"
-            )  # a model is read as MuJoCo reads it; nothing is computed
+            # A model is read as MuJoCo reads it; nothing is computed.
+            compiles = module == "robots.importers.mujoco_model"
             assert ("mujoco" in libraries(names)) == compiles, module
 
 
