@@ -35,11 +35,12 @@ from cdpr_sim.core.property import (
     within,
 )
 
-EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 7, 9, 10, 13, 14, 15, 16
-COLUMNS = 17
+EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 9, 10, 13, 14, 15, 16
+LAW, COLUMNS = RADIUS - STIFFNESS, 17
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
-line, the coefficients of nonlinear elasticity, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; and the number of columns."""
+line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
+the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; how many numbers a law has, and how
+many columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -383,6 +384,11 @@ class Cabling(Cables, Frozen):
         """
         return frozen(self.winch_to_exit / self.reeving)
 
+    @property
+    def added(self) -> Float[np.ndarray, " cables"]:
+        """What stretches besides the rest length, for each part of line, (cables,) [m]."""
+        return self.behind
+
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.
 
@@ -404,8 +410,7 @@ class Cabling(Cables, Frozen):
             lengths: stretched lengths [m].
             rest_lengths: unstretched lengths [m].
         """
-        behind = MOST_STRAIN * self.behind
-        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
+        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + MOST_STRAIN * self.added)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:

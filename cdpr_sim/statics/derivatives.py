@@ -276,9 +276,7 @@ def rest_lengths_under(
         tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
-    rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.behind
-    )
+    rest = cable_law.rest_length_for(cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.added)
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.pulls(tensions)
     done = np.zeros(rest.shape, bool)
