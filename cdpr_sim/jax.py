@@ -77,7 +77,7 @@ def solve(
     All arrays broadcast over the dimensions before their own; ``vmap`` adds such dimensions. Each parameter defaults to
     that of ``robot``. A row for which ``solve`` finds no equilibrium is nan.
 
-    The derivatives are exact for the present set of taut cables. Where a cable without mass is on the verge of
+    The derivatives are those for the present set of taut cables. Where a cable without mass is on the verge of
     slackness, the pose and the tensions are continuous, and their derivatives are not: the result is the derivative on
     one side, that of the slack cable where its length equals its rest length. They are nan in neutrally stable
     equilibria.

@@ -13,8 +13,9 @@ import typechecker
 import typer.testing
 
 DOORS = {
-    "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
-    "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable_closed_form",
+    "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.property",
+    "core.robot", "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve",
+    "statics.two_cable_closed_form",
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
     "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layout_equilibria", "design.moves",
     "design.search",

@@ -125,6 +125,7 @@ def to_mjcf(
     refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
+    robot.cabling.refuse_unknown("simulation")
     robot.cabling.refuse_memory()
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)

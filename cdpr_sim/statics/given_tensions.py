@@ -46,7 +46,7 @@ def cut(
         pulling = (tensions > 0)[..., None]  # of a massless cable without tension, the direction of its path
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
         wrenches = np.concatenate([directions, np.cross(cables.arms, directions)], axis=-1)
-        matrix = robot.reeving * np.swapaxes(wrenches, -1, -2)
+        matrix = robot.cabling.pulls(np.swapaxes(wrenches, -1, -2))
     if refuse and not rest.min() > 0:  # also if one is nan
         row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
         cable = int(row[-1])
