@@ -248,11 +248,6 @@ def flipped(
     return np.where((np.abs(turns) > np.pi / 2)[..., None], np.stack([-z, y, -x, w], axis=-1), quaternions)
 
 
-def swivelling(robot: Robot, tension: float) -> float:
-    """An upper bound of the angular frequency of wheels about their axes with cables of this tension [rad/s]."""
-    return float(SWIVELLING * np.sqrt(2 * tension / _load(robot)))
-
-
 def _load(robot: Robot) -> float:
     """The platform's weight [N], with or without gravity."""
     return robot.mass * (robot.gravity or STANDARD_GRAVITY)
