@@ -101,7 +101,9 @@ def reference(robot, winches, start, damping, cable_damping):
         spin = y[10:]
         turn = Rotation.from_quat(y[3:7]).as_quat()
         turning = 0.5 * np.append(turn[3] * spin + np.cross(turn[:3], spin), -turn[:3] @ spin)
-        return np.concatenate([y[7:10], turning, acceleration(rig, y, winches.lengths(time), rates, damping, cable_damping)])
+        return np.concatenate(
+            [y[7:10], turning, acceleration(rig, y, winches.lengths(time), rates, damping, cable_damping)]
+        )
 
     states = [np.concatenate([start.translation, start.rotation.as_quat(), np.zeros(6)])]
     for tick in range(round(SECONDS * RATE)):  # where the winches' speed changes the integration begins anew
@@ -134,7 +136,6 @@ def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(
         turns = Rotation.from_matrix(motion.rotations[rows].swapaxes(1, 2) @ rotations)
         off = np.linalg.norm(motion.positions[rows] - positions, axis=1)
         errors.append((off.max(), turns.magnitude().max()))
-    print(errors, np.log2(np.divide(*errors[1:])), errors[0][0] / way)
     assert errors[0][0] < NEAR * way
     np.testing.assert_allclose(np.log2(np.divide(*errors[1:])), 2, atol=ORDER)
     leading = motions[1].positions[1 :: round(FINE[0] / RATE)] - positions[:-1]

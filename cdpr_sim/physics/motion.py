@@ -37,7 +37,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics import tendons, winches
-from cdpr_sim.physics.batch import UNUSED, Observation
+from cdpr_sim.physics.batch import UNUSED, Observation, matrices
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked, segment_springs, strains
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_simulations import SHORTEST_FREE, ChainSimulations
@@ -107,6 +107,8 @@ class Motion:
         model.dof_damping[:free], model.dof_armature[:free] = damping, 0
         self._heavy = bool(len(self._chains.cables))
         self._theta = CHAINS if self._heavy and theta is None else theta
+        # A cable that is slack at the beginning of a step may carry its share of the load at the end.
+        self._least = float(simulation.load[row]) / self.robot.cables
         if not self._heavy:  # gyroscopic torques are implicit as well
             model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
         self.data = data = mujoco.MjData(model)
@@ -144,6 +146,10 @@ class Motion:
         self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
         self._foreign = simulation.first[simulation.with_memory]
         self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
+        swivels = simulation.swivels
+        frames = matrices(model.body_quat[swivels.bodies])
+        self._sites, self._wheels = data.site_xpos, model.body_pos[swivels.bodies]
+        self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
         if self._heavy:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
         self._rates, self._evaluated = np.zeros(self.robot.cables), (self._qvel.copy(), self.longest)
@@ -222,9 +228,14 @@ class Motion:
     def _locate(self) -> None:
         """Bring MuJoCo's positions and the tendons' Jacobian up to date, with wheels that face their cables."""
         model, data, swivels = self.model, self.data, self.simulation.swivels
-        if len(swivels):
-            swivels.face(model, data)
+        if len(swivels.coordinates):
+            mujoco.mj_kinematics(model, data)
+            away = self._sites[swivels.faced] - self._wheels
+            x, y = np.vecdot(self._axes, away)
+            self._qpos[swivels.coordinates] = self._straight + np.arctan2(y, x)
             self._qvel[swivels.dofs] = 0
+        elif len(swivels):
+            swivels.face(model, data)
         mujoco.mj_fwdPosition(model, data)
         self._jacobian[self._entries] = self._sparse
 
@@ -330,20 +341,19 @@ class Motion:
             pull[held], drag[held] = wanted, 0.0
             if resisting is not None:
                 resisting[held] = 0.0
-        damper = drag * (velocity - winding)
-        total = pull + damper
+        total = pull + drag * (velocity - winding)
         pushes = total < 0
-        if pushes.any():  # no cable does
-            extra = np.zeros_like(pull) if extra is None else extra
-            extra[pushes], drag[pushes], total[pushes] = -pull[pushes], 0.0, 0.0
-            if resisting is not None:
-                resisting[pushes] = 0.0
+        if pushes.any():  # no cable does; implicit springs decide that for the end of the step
+            drag[pushes], total[pushes] = 0.0, 0.0 if resisting is None else pull[pushes]
+            if resisting is None:
+                extra = np.zeros_like(pull) if extra is None else extra
+                extra[pushes] = -pull[pushes]
         forces = drag * winding
         self._applied[:] = (forces if extra is None else forces - extra) @ self._jacobian
         self._dampers[:] = drag if resisting is None else resisting + drag
         if self._heavy:
             chains = self._chains
-            across = plucked(later, np.maximum(total, 0)[chains.segments], self._free())
+            across = plucked(later, np.maximum(total[chains.segments], self._least), self._free())
             self.model.dof_damping[chains.dofs] = across[:, :0:-1, None]
             self._dampers[chains.brakes] = across[:, :1]
         return total

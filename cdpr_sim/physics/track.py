@@ -2,12 +2,10 @@
 
 Time is divided into control periods. In each, the controller gets the newest sample that has arrived from the sensors,
 and commands the winches for the end of the next period; meanwhile they move at constant speed, as interpolating drives
-do, and no faster than their maximum. A winch that controls a length is the model's actuator at that control. One that
-controls a tension is the same actuator with a constant force instead of a spring: an ideal motor with free speed. Its
-speed is limited too; at the limit its length is controlled, and its cable is a spring again. Robots whose cables have
-mass or are nonlinear have no actuators: their winches let out lengths as ``sagging.chain_motion`` describes, and one
-that controls a tension lets out, at each step, the length that gives the cable's end this tension.
-Cables with a memory pull as ``rope_motion`` describes.
+do, and no faster than their maximum. ``motion`` describes the motion. A winch that controls the tension of a massless
+cable is a constant force: an ideal motor with free speed. Its speed is limited too; at the limit its length is
+controlled, and its cable is a spring again. Of a cable with mass it lets out, at each step, the length that gives the
+cable's end this tension. Cables with a memory pull as ``rope_motion`` describes.
 """
 
 from __future__ import annotations
@@ -101,8 +99,7 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with a memory and mass or nonlinear elasticity; a pose that no rest
-            lengths can hold.
+        InvalidInput: an invalid argument; a pose that no rest lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
