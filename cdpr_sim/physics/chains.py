@@ -4,7 +4,7 @@ The lengths of segments are the weights of Gauss and Legendre's quadrature times
 that of a massless cable, ``springlength="0 l"`` and ``stiffness`` EA/l. Each mass between them is the mass of the cable
 between two of the quadrature's points; the mass beyond the last point is at the anchor. The ends of the chain are then
 accurate to the order of that quadrature: with six segments the error is 1e-8 of the length where the horizontal tension
-is the cable's weight, and 4e-12 where it is twice the weight (``scripts/measure_constants.py``). In chains of equal
+is the cable's weight, and 4e-12 where it is twice the weight (``scripts/dev/measure_constants.py``). In chains of equal
 segments the error falls only with the square of their number.
 
 For a cable that bends sharply such a division has errors of percents: a slack chain is divided again when it hangs,
