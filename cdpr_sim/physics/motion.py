@@ -137,7 +137,7 @@ class Motion:
         self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
         self._stiffness, self._further = simulation.springs[row].copy(), simulation.polynomials[row].copy()
-        self._bands, self._wound = simulation.bands[row, :, 1].copy(), None
+        self._bands, self._wound = simulation.bands[row, :, 1].copy(), self.let_out if simulation.given else None
         others = np.ones(model.ntendon, dtype=bool)
         others[simulation.tendons] = False
         self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
@@ -150,7 +150,7 @@ class Motion:
         frames = matrices(model.body_quat[swivels.bodies])
         self._sites, self._wheels = data.site_xpos, model.body_pos[swivels.bodies]
         self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
-        if self._heavy:
+        if self._heavy and not simulation.given:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
         self._rates, self._evaluated = np.zeros(self.robot.cables), (self._qvel.copy(), self.longest)
 
@@ -295,7 +295,7 @@ class Motion:
         self._evaluated = qvel.copy(), step
         later = self._later(step)
         if self._theta is not None:  # springs of the instant at which they act
-            self._wind(self.let_out + later * self._rates)
+            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
         self._pull_by(later)
         model.opt.timestep = later
         qpos, before = self._qpos.copy(), qvel.copy()
@@ -363,6 +363,8 @@ class Motion:
         if self._plain:
             return self._rates
         winding, simulation = np.zeros(self.model.ntendon), self.simulation
+        if not self._rates.any():
+            return winding
         winding[simulation.single] = self._rates[simulation.massless]
         if self._heavy:
             winding[self._chains.segments] = self._rates[self._chains.cables, None] * self._division.lengths[0]

@@ -268,7 +268,7 @@ class Machine:
     def look(self) -> None:
         """Read the state out of MuJoCo."""
         motion, seen = self.motion, self.motion.look()
-        read = np.concatenate([motion.data.xpos[motion.platform], motion.data.xquat[motion.platform]])
+        read = np.concatenate([seen.positions[0], motion.data.xquat[motion.platform]])
         self._seen = read, seen.lengths[0], seen.tensions[0], motion.let_out.copy()
 
     def seen(self) -> Seen:
