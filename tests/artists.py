@@ -100,7 +100,7 @@ def _patch(patch: Patch) -> str:
 def _mesh(mesh: QuadMesh, ax: Axes) -> str:
     across, up = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
     words = f"{mesh.get_cmap().name} from {numbers(mesh.get_clim())}"
-    if ax.get_label() in ("bar", "<colorbar>"):
+    if ax.get_label() == "<colorbar>":
         return f"colours: {words}"
     if isinstance(mesh.get_cmap(), ListedColormap) and mesh.get_cmap().N < 10:
         rows = mesh.to_rgba(np.ma.masked_invalid(mesh.get_array()))
@@ -155,7 +155,8 @@ def _axis(ax: Axes, name: str) -> str:
 
 def _axes(ax: Axes) -> Iterator[str]:
     titles = " / ".join(filter(None, (ax.get_title(where) for where in ("left", "center"))))
-    yield f"AXES {ax.get_label() or ''} {titles}"
+    ground = color(ax.get_facecolor())
+    yield f"AXES {ax.get_label() or ''} {titles}{'' if ground == 'white' else f', on {ground}'}"
     if getattr(ax, "_axis3don", ax.axison):
         yield from (_axis(ax, name) for name in ("xyz" if ax.name == "3d" else "xy"))
     yield from map(_line, ax.lines)
