@@ -119,8 +119,6 @@ def _collection(one: Collection) -> str:
     for colors in (one.get_facecolor(), one.get_edgecolor()):
         names = list(dict.fromkeys(map(color, colors)))
         shown.append(" ".join(names) if len(names) < 6 else "several")
-    if getattr(one, "labelTexts", ()):  # it is cut where they are written
-        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"
     return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
 
 
