@@ -26,14 +26,14 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check, Disagreement
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
 from cdpr_sim.crosscheck.layout_validation import WATCHED, LayoutValidation, ValidatedRobot
+from cdpr_sim.crosscheck.score import Outcome, Score
 from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria, Undecided
-from cdpr_sim.studies.robot_summary import RobotSummary, View
-from cdpr_sim.studies.score import Outcome, Score
+from cdpr_sim.report.robot_summary import RobotSummary, View
 
 HOSTILE = '<img src=x onerror="alert(1)"> [bold]& [red]'
 

@@ -3,6 +3,7 @@
 import ast
 import functools
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -18,12 +19,14 @@ import cdpr_sim as cdpr
 from cdpr_sim.physics import dynamic_relaxation
 
 PACKAGE = Path(cdpr.__file__).parent
-BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
-"""Studies that only scripts run: they use the package, which does not know them."""
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+"""They use the package, which does not know them."""
+
+SCRIPT_FOLDERS = ("figures", "research", "benchmarks", "dev")
 
 FOLDERS = (
     "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "anymodel", "proof", "crosscheck",
-    "drawing", "learning", "studies", "report", "cli",
+    "drawing", "learning", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
 
@@ -83,9 +86,9 @@ def trees() -> dict[str, ast.Module]:
 
 
 @functools.cache
-def studies() -> dict[str, ast.Module]:
-    """The same of the studies beside the package."""
-    return {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in BESIDE.glob("*.py")}
+def scripts() -> dict[str, ast.Module]:
+    """The same of the scripts; they import each other by name, from one folder."""
+    return {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in SCRIPTS.rglob("*.py")}
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -113,9 +116,9 @@ def anywhere() -> dict[str, set[str]]:
 
 
 @functools.cache
-def in_studies() -> dict[str, set[str]]:
-    """The same of the studies beside the package."""
-    return {study: imports(ast.walk(tree)) for study, tree in studies().items()}
+def in_scripts() -> dict[str, set[str]]:
+    """The same of the scripts."""
+    return {script: imports(ast.walk(tree)) for script, tree in scripts().items()}
 
 
 @functools.cache
@@ -146,14 +149,25 @@ def test_imports_run_one_way():
     TopologicalSorter(graph()).prepare()  # raises CycleError
 
 
-def test_the_package_does_not_need_the_studies_of_the_scripts():
+def test_the_package_does_not_need_the_scripts():
     """Those import the package and each other, in no circle; an installed package is without them."""
-    assert all(ast.get_docstring(tree) for tree in studies().values())
-    assert not {module for module, names in anywhere().items() if {"studies", "scripts"} & libraries(names)}
-    within = {study: {name for name in names if name.startswith("studies.")} for study, names in in_studies().items()}
-    used = {study: {name.split(".")[1] for name in names} for study, names in within.items()}
-    assert {one for names in used.values() for one in names} <= studies().keys()
+    assert all(ast.get_docstring(tree) for tree in scripts().values())
+    assert len(scripts()) == len(list(SCRIPTS.rglob("*.py")))  # names of their own, as tests import them by name
+    assert not {module for module, names in anywhere().items() if (scripts().keys() | {"scripts"}) & libraries(names)}
+    used = {script: libraries(names) & scripts().keys() for script, names in in_scripts().items()}
+    assert used["better_layouts"] == {"real_cables"}  # the test can fail
     TopologicalSorter(used).prepare()  # raises CycleError
+
+
+def test_every_script_is_in_the_table_of_its_folder():
+    """Those at the top settle one configuration each, and are on the page of the robots; each folder has a table."""
+    assert {path.name for path in SCRIPTS.iterdir() if path.is_dir()} - {"__pycache__"} == set(SCRIPT_FOLDERS)
+    page = (SCRIPTS.parent / "docs" / "robots.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"scripts/(\w+\.py)", page)) == sorted(path.name for path in SCRIPTS.glob("*.py"))
+    for folder in SCRIPT_FOLDERS:
+        table = (SCRIPTS / folder / "README.md").read_text(encoding="utf-8")
+        listed = [one for row in re.findall(r"^\| (`.*?) \|", table, re.M) for one in re.findall(r"`(\w+)\.py`", row)]
+        assert sorted(listed) == sorted(path.stem for path in (SCRIPTS / folder).glob("*.py")), folder
 
 
 def test_walls_stand():
@@ -171,7 +185,7 @@ def test_walls_stand():
 
 def test_nothing_touches_matplotlibs_global_state():
     """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
-    for module, names in (anywhere() | in_studies()).items():
+    for module, names in (anywhere() | in_scripts()).items():
         assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in names), module
 
 

@@ -16,8 +16,8 @@ from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_lay
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
 from cdpr_sim.design.symmetry import group
-from cdpr_sim.studies.better_layouts import driven
-from cdpr_sim.studies.real_cables import crane
+from cdpr_sim.report.layout_pictures import driven
+from real_cables import crane
 from tests.sample_problems import grid, symmetric_pair
 
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]

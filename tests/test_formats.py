@@ -228,7 +228,7 @@ def test_what_a_file_leaves_open_is_filled_in_and_noted():
 
 @pytest.mark.parametrize("name", [*CRANES, "hangprinter.g"])
 def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
-    """Fifteen of what ``scripts/mutate_imports.py`` does by the thousand."""
+    """Fifteen of what ``scripts/dev/mutate_imports.py`` does by the thousand."""
     script = runpy.run_path(str(ROOT / "scripts" / "mutate_imports.py"))
     assert {kind for kind, _ in script["answers"](FILES / name, 15, 1, tmp_path)} == {"robot", "sentence"}
 

@@ -19,8 +19,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.report import html_page
-from cdpr_sim.studies import robot_summary
+from cdpr_sim.report import html_page, robot_summary
 
 DASH = 1e-3
 """[pixel] A canvas keeps offsets of dashes in single precision: 3e-5 measured; a pattern is 6 long."""

@@ -1033,8 +1033,8 @@ DEFECTS = dict.fromkeys(
 
 NOT_ANSWERS = {
     "open_sweep": "reads a file", "read_measurements": "reads a file",
-    "draw": "a picture", "show": "a picture", "write_video": "pictures", "write_figures": "pictures",
-    "write_report": "a page of answers", "list_figures": "names", "list_robots": "names",
+    "draw": "a picture", "show": "a picture", "write_video": "pictures",
+    "write_report": "a page of answers", "list_robots": "names",
     **dict.fromkeys(("diagnose_model", "holding_controls", "settle_model", "tendon_tensions"), "of any MuJoCo model"),
 }  # fmt: skip
 """Public functions that compute nothing of a robot, with the reason."""

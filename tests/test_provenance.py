@@ -24,7 +24,7 @@ from cdpr_sim.crosscheck import layout_validation as proving
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.physics import sensing
 from cdpr_sim.physics.release import Release
-from cdpr_sim.studies import robot_summary
+from cdpr_sim.report import robot_summary
 
 FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}
 """Of each method's numbers the first digit."""

@@ -34,6 +34,7 @@ from scipy.stats import t
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+import real_cables
 from cdpr_sim.analysis.compensation import CompensationOutcome
 from cdpr_sim.cli import COMMANDS, app
 from cdpr_sim.core.cable import Cabling
@@ -57,7 +58,6 @@ from cdpr_sim.report import (
     score_tables,
     workspace_tables,
 )  # fmt: skip
-from studies import real_cable_tables
 
 UNKNOWN = cdpr.NotConverged("stalled [here]", equilibrium())
 STAYS = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0), Release(1e-6, 2e-6, 3.0), Release(2e-4, 3e-5, 2.0)]
@@ -169,8 +169,8 @@ OUTPUTS = {
         disagreements=made_up.checked().disagreements * 23)),
         f"all agree: {workspace_tables.all_agree(made_up.checked().dataset)}",
     ],
-    "real cables": lambda: [real_cable_tables.effects_table(effects := properties().effects[5:9]),
-    real_cable_tables.left_out(effects)],
+    "real cables": lambda: [real_cables.effects_table(effects := properties().effects[5:9]),
+    real_cables.left_out(effects)],
     "score": lambda: [score_tables.score_table(made_up.scores()), score_tables.scores_json(made_up.scores())],
 }  # fmt: skip
 """By name: what a command prints, or a notebook displays; ``dict``: JSON."""

@@ -59,7 +59,7 @@ with it is 1.045 times as long, and its weight just as much more, so that it is 
 HELD = 1e-3
 """Least stiffness that counts as stable, in loads per characteristic length: with less, a thousandth of the load moves
 the platform by a characteristic length. A choice: of 30,000 poses each, the softest equilibrium of ``cogiro`` has 0.1,
-and of the stable ones of ``parallel``, three have less (``scripts/measure_constants.py``)."""
+and of the stable ones of ``parallel``, three have less (``scripts/dev/measure_constants.py``)."""
 
 LEAST_LENGTH = 0.01
 """Default least rest length, in characteristic lengths: 0.5 mm of DemoBot's platform, 1 cm of a platform of 1 m. A
@@ -72,7 +72,7 @@ SHORTENED = 1e-6
 LEAST_ARM = 1e-3
 """Weight of the rotation, in characteristic lengths, if only the position counts: this small weight still chooses the
 least rotation for a position, and moves the position by its square times centimetres: at most 8e-9 m
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 MASS_STEPS, MISSES = 30, 2
 """Choices of tensions of cables with mass, each with the directions of the last; they come nearer tenfold or more. How
@@ -102,7 +102,7 @@ DIFFERENCE = 1.5e-8
 
 _EQUAL = 1e-6
 """[m] Tolerance between SLSQP's nearest pose and the equilibrium of its rest lengths: the difference measures below
-1e-12, where SLSQP has converged (``scripts/measure_constants.py``)."""
+1e-12, where SLSQP has converged (``scripts/dev/measure_constants.py``)."""
 
 
 class CompensationOutcome(enum.Enum):

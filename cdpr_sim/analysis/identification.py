@@ -147,8 +147,8 @@ class Identification(HtmlRepr):
         """Intervals that contain the true values with this probability, if model and errors are right.
 
         To first order in the errors: Student's t where errors were estimated, with all degrees of freedom, otherwise
-        the normal distribution; in the logarithm of positive unknowns. ``scripts/interval_coverage.py`` measures how
-        often they do.
+        the normal distribution; in the logarithm of positive unknowns. ``scripts/research/interval_coverage.py``
+        measures how often they do.
 
         Args:
             coverage: the probability, between 0 and 1.

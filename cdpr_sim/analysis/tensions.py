@@ -29,7 +29,7 @@ from cdpr_sim.core.status import NEUTRAL
 Array = np.ndarray
 
 CUTS = 200
-"""Largest number of cutting planes. DemoBot's eight cables need 1 to 4 (``scripts/measure_constants.py``)."""
+"""Largest number of cutting planes. DemoBot's eight cables need 1 to 4 (``scripts/dev/measure_constants.py``)."""
 
 GAP = 1e-6
 """Tolerance between the stiffest tensions' stiffness and its upper bound, as a fraction."""

@@ -174,6 +174,17 @@ class EquilibriumBatch(Frozen, HtmlRepr):
         return f"<{type(self).__name__} of {self.robot.name!r} by {self.source}: {self.shape}, {done} in equilibrium>"
 
 
+def all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    """The same equilibria.
+
+    Raises:
+        NotConverged, NotSettled: some row has no equilibrium.
+    """
+    for row in np.flatnonzero(~equilibria.converged):
+        equilibria[int(row)]  # raises, with the reason
+    return equilibria
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumPath(EquilibriumBatch):
     """Equilibria along a path, (steps, ...): a batch whose rows follow one another; further dimensions are paths.

@@ -26,7 +26,7 @@ from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 BYTES_PER_CABLE = 120
 """Memory of one equilibrium per cable: 73 measured with eight cables, 101 with four
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 
 @dataclass(frozen=True, eq=False)

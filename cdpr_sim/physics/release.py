@@ -39,9 +39,10 @@ NUDGE = 1e-6
 stretch, and more than the 1e-9 m of an equilibrium's rounding."""
 
 STAYS, LEAVES = 3.0, 100.0
-"""Largest deviation of a stable platform, in initial displacements; 1.0 is measured (``scripts/measure_constants.py``).
-By conservation of energy a stable platform deviates no further than its displacement along the direction of least
-stiffness; the deviation of an unstable one grows exponentially."""
+"""Largest deviation of a stable platform, in initial displacements; 1.0 is measured
+(``scripts/dev/measure_constants.py``). By conservation of energy a stable platform deviates no
+further than its displacement along the direction of least stiffness; the deviation of an unstable one grows
+exponentially."""
 
 FINEST = 0.1
 """Time step of the undamped motion, in 1/omega of an upper bound of its fastest oscillation."""

@@ -35,10 +35,10 @@ from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.report import crosscheck_tables, html, workspace_tables
 from cdpr_sim.report.analysis_tables import modes_table
+from cdpr_sim.report.robot_summary import RobotSummary, View, summarise, write_both_methods
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, summarise, write_both_methods
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm")
 
 VIDEO_SIZE, VIDEO_RATE = (640, 360), 12.0
-"""[pixel], [frames per second] About 0.3 MB (``scripts/measure_constants.py``)."""
+"""[pixel], [frames per second] About 0.3 MB (``scripts/dev/measure_constants.py``)."""
 
 DIGITS = 7
 """Decimals of a coordinate on the page: 0.1 µm."""
