@@ -12,11 +12,12 @@ With ``--without``, the question is whether some files of tests are needed: for 
 the draw in functions that the file's tests execute, how many the tests of all files detect, and how many those of the
 other files alone.
 
-First the tests run once, and the functions that each test executes are recorded; the record is used again
-as long as no file changes. Then the tests are collected once, and for each fault the process is forked, the changed
-function gets its new code, and the tests that execute it run, the fastest first, until one fails. Where Numba compiles
-the function, the forks interpret all kernels, and a failure counts only if the same test passes without the fault in a
-fork that also interprets them. Code that runs during imports is tested in a process that imports everything again.
+First the tests run once, and the functions that each test executes are recorded; the record of a file of tests is
+used again as long as neither it nor a file that its tests execute changes. Then the tests are collected once, and for
+each fault the process is forked, the changed function gets its new code, and the tests that execute it run, the fastest
+first, until one fails. Where Numba compiles the function, the forks interpret all kernels, and a failure counts only if
+the same test passes without the fault in a fork that also interprets them. Code that runs during imports is tested in a
+process that imports everything again.
 
 The script is not part of the tests: a fault takes seconds, the record as long as the test suite takes, twice.
 """
@@ -287,25 +288,28 @@ def pytest_configure(config: Any) -> None:
 
     threading.setprofile(note)  # applies to all threads that start from now on
 
-    def watch(who: str) -> Iterator[Any]:
+    def watch(item: Any, who: str) -> Iterator[Any]:
         seen.clear()
-        begin = clock()
+        begin, passed = clock(), True
         sys.setprofile(note)
         try:
             return (yield)
+        except BaseException as error:
+            passed = isinstance(error, pytest.skip.Exception) or item.get_closest_marker("xfail") is not None
+            raise
         finally:
             sys.setprofile(None)
             with open(f"{place}-{os.getpid()}", "a", encoding="utf-8") as file:
-                file.write(json.dumps([who, clock() - begin, names()]) + "\n")
+                file.write(json.dumps([who, clock() - begin, names(), passed]) + "\n")
 
     class Watch:
         @pytest.hookimpl(wrapper=True)
         def pytest_runtest_setup(self, item: Any) -> Iterator[Any]:
-            return (yield from watch(item.nodeid.partition("::")[0]))
+            return (yield from watch(item, item.nodeid.partition("::")[0]))
 
         @pytest.hookimpl(wrapper=True)
         def pytest_runtest_call(self, item: Any) -> Iterator[Any]:
-            return (yield from watch(item.nodeid))
+            return (yield from watch(item, item.nodeid))
 
     config.pluginmanager.register(Watch())
 
@@ -325,31 +329,81 @@ class Record(NamedTuple):
         )
 
 
-def recorded(tree: Path, digest: str, tests: list[str], jobs: int) -> Record:
-    """Run the tests once, or read the record of the last run of the same tests and sources."""
-    some = hashlib.sha256(" ".join([digest, *sorted(tests)]).encode()).hexdigest()[:12]
-    place = tree.with_name(f"{tree.name}-executed-{some}")
-    if not place.exists():
-        part = tree / "executed"
-        for old in tree.glob("executed-*"):
-            old.unlink()
-        command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "-p", "no:cacheprovider", "-p", "mutate"]
-        paths = os.pathsep.join([str(tree), str(tree / "scripts" / "dev")])
-        done = subprocess.run(
-            [*command, *tests], cwd=tree, env={**os.environ, RECORD: str(part), "PYTHONPATH": paths}, check=False
-        )
-        if done.returncode:
-            raise RuntimeError("tests fail without a fault")
-        place.write_text("".join(one.read_text(encoding="utf-8") for one in sorted(tree.glob("executed-*"))))
+def recorded(tree: Path, tests: list[str], jobs: int) -> Record:
+    """Run the tests once, file by file only where it or what it executes has changed since they last passed."""
+    files = tests or sorted(f"tests/{path.name}" for path in (tree / "tests").glob("test_*.py"))
+    for _ in range(2):  # a test that fails now and then runs again
+        stale = [file for file in files if not _is_fresh(tree, file)]
+        if stale:
+            _record(tree, stale, jobs)
+    if stale := [file for file in files if not _is_fresh(tree, file)]:
+        raise RuntimeError(f"tests fail without a fault: {', '.join(stale)}")
     seconds: defaultdict[str, float] = defaultdict(float)
     executed_by: defaultdict[str, set[str]] = defaultdict(set)
-    for line in place.read_text(encoding="utf-8").splitlines():
-        who, took, functions = json.loads(line)
-        seconds[who] += took
-        for one in functions:
-            executed_by[one].add(who)
-            executed_by[one.partition(":")[0]].add(who)
+    for file in files:
+        for who, took, functions in json.loads(_kept(tree, file).read_text(encoding="utf-8"))["tests"]:
+            seconds[who] += took
+            for one in functions:
+                executed_by[one].add(who)
+                executed_by[one.partition(":")[0]].add(who)
     return Record(dict(seconds), dict(executed_by))
+
+
+def _kept(tree: Path, file: str) -> Path:
+    """The record of a file of tests."""
+    return tree.with_name(f"{tree.name}-executed") / f"{Path(file).stem}.json"
+
+
+def _record(tree: Path, files: list[str], jobs: int) -> None:
+    """Run files of tests, and keep what they executed of those that pass."""
+    part = tree / "executed"
+    for old in tree.glob("executed-*"):
+        old.unlink()
+    command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "-p", "no:cacheprovider", "-p", "mutate"]
+    paths = os.pathsep.join([str(tree), str(tree / "scripts" / "dev")])
+    environment = {**os.environ, RECORD: str(part), "PYTHONPATH": paths}
+    done = subprocess.run([*command, *files], cwd=tree, env=environment, check=False)
+    if done.returncode not in (0, 1):
+        raise RuntimeError("pytest did not run all tests")
+    found: defaultdict[str, list] = defaultdict(list)
+    failed: set[str] = set()
+    for one in sorted(tree.glob("executed-*")):
+        for line in one.read_text(encoding="utf-8").splitlines():
+            who, took, functions, passed = json.loads(line)
+            file = who.partition("::")[0]
+            found[file].append((who, took, functions))
+            failed.update([] if passed else [file])
+    for file in set(files) - failed:
+        executed = {one.partition(":")[0] for _, _, functions in found[file] for one in functions}
+        needed = [*_modules(tree, file), *(f"cdpr_sim/{one}" for one in executed)]
+        state = {one: _digest(tree / one) for one in needed}
+        _kept(tree, file).parent.mkdir(exist_ok=True)
+        _kept(tree, file).write_text(json.dumps({"digests": state, "tests": found[file]}), encoding="utf-8")
+
+
+def _is_fresh(tree: Path, file: str) -> bool:
+    """Whether nothing that the record of a file of tests depends on has changed."""
+    if not _kept(tree, file).exists():
+        return False
+    state = json.loads(_kept(tree, file).read_text(encoding="utf-8"))["digests"]
+    return state.keys() >= set(_modules(tree, file)) and all(_digest(tree / one) == state[one] for one in state)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12] if path.exists() else ""
+
+
+def _modules(tree: Path, file: str) -> list[str]:
+    """A file of tests, and the modules of the tests that it needs."""
+    found, new = [], [file, "tests/conftest.py"]
+    while new:
+        found.append(one := new.pop())
+        for node in ast.walk(ast.parse((tree / one).read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            paths = [f"tests/{name}.py" for name in names]
+            new += [path for path in paths if (tree / path).exists() and path not in [*found, *new]]
+    return sorted(found)
 
 
 # In a process that has collected the tests: one fork for each fault
@@ -570,20 +624,17 @@ def survives(tree: Path, trees: queue.SimpleQueue[Path], fault: Fault, record: R
         trees.put(own)
 
 
-def copied_tree() -> tuple[Path, str]:
-    """Copy the repository, always to the same place, so that compiled code can be used again; and a digest of it."""
+def copied_tree() -> Path:
+    """Copy the repository, always to the same place, so that compiled code can be used again."""
     name = hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]
     tree = Path(tempfile.gettempdir()).resolve() / f"cdpr_sim-mutate-{name}"
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    digest = hashlib.sha256()
     shutil.rmtree(tree / "tests", ignore_errors=True)
     for file in listed.splitlines():
         if (ROOT / file).exists():
             (tree / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / file, tree / file)
-            if file.endswith(".py"):
-                digest.update((ROOT / file).read_bytes())
-    return tree, digest.hexdigest()[:12]
+    return tree
 
 
 def main() -> int:
@@ -597,8 +648,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that run tests")
     parser.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
     options = parser.parse_args()
-    tree, digest = copied_tree()
-    record = recorded(tree, digest, options.tests, options.jobs)
+    tree = copied_tree()
+    record = recorded(tree, options.tests, options.jobs)
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     draw = sample(options.folders, options.seed)
     covered: dict[str, list[Fault]] = {}

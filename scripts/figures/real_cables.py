@@ -313,7 +313,7 @@ def draw_real_cables(study: RealCables) -> Figure:
     rates = [one.rate for one in study.growths if one.axis == BELOW][:2]
     figure = canvas(
         style.WIDTH,
-        9.4,
+        8.2,
         f"Pulleys unknown to the winches cause an error of about {np.mean(rates):.1f} mm per mm of radius; cable mass "
         "and nonlinear elasticity have little effect",
         "Settled in MuJoCo; statics differs by less than "
@@ -366,7 +366,7 @@ def _pulleys(ax: Axes, equilibria: EquilibriumBatch) -> None:
     near.set(aspect="equal", xticks=[], yticks=[])
     near.set_xlim(-1.2 * wheel.radius, 3.4 * wheel.radius)
     near.set_ylim(-2.6 * wheel.radius, 1.4 * wheel.radius)
-    near.set_title("one pulley, seen from its side", fontsize=8, loc="center")
+    near.set_title("one pulley from its side", fontsize=8, loc="center", bbox={"fc": "white", "ec": "none", "pad": 1})
     near.spines[:].set(visible=True, color=style.FAINT)
 
 
@@ -416,7 +416,7 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
     if crane is not None:
         ax.plot([], [], ls="none", label=f"crane (not drawn), from below: {crane.rate:.2f}")
     ax.set(xlabel="radius of the pulleys [mm]", ylabel="position error [mm]")
-    ax.set_ylim(0, 1.25 * ax.get_ylim()[1])
+    ax.set_ylim(0, 1.4 * ax.get_ylim()[1])
     ax.set_xlim(0, 1e3 * growths[0].radii[-1])
     ax.set_title("DemoBot, with rest lengths for point exits")
     handles, labels = ax.get_legend_handles_labels()
