@@ -180,7 +180,10 @@ def test_walls_stand():
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
-            assert "mujoco" not in libraries(names), module
+            compiles = (
+                module == "robots.importers.mujoco_model"
+            )  # a model is read as MuJoCo reads it; nothing is computed
+            assert ("mujoco" in libraries(names)) == compiles, module
 
 
 def test_nothing_touches_matplotlibs_global_state():

@@ -40,6 +40,7 @@ def imported(module: str) -> None:
 CALLS = {
     "sweep": [lambda robot, path: cdpr.sweep(robot, (2, 2, 2)), lambda robot, path: cdpr.check(robot, (2, 2, 2)),
               lambda robot, path: cdpr.open_sweep(path / "s.zarr")],
+    "report": [lambda robot, path: cdpr.write_report(path / "r.html", robot, video=False)],
     "video": [lambda robot, path: cdpr.write_video(
         path / "v.mp4", cdpr.drive(robot, [(0.3, 0.25, 0.1)] * 2, seconds=0.1)
     )],
@@ -81,5 +82,6 @@ def test_each_library_is_in_its_extra():
         "optional-dependencies"
     ]
     for extra, names in LIBRARIES.items():
-        listed = {re.split(r"[\[<>=]", one)[0].replace("-", "_").removeprefix("python_") for one in extras[extra]}
+        within = [one for each in extras[extra] for one in extras.get(each[len("cdpr-sim[") : -1], [each])]
+        listed = {re.split(r"[\[<>=]", one)[0].replace("-", "_").removeprefix("python_") for one in within}
         assert set(names) == listed

@@ -69,7 +69,7 @@ def shown_page(summary) -> str:
     text = html_page.html_page(summary)
     data = json.loads(re.search(r'<script type="application/json" id="scene">(.*?)</script>', text)[1])  # type: ignore[index]
     text = re.sub(r"<(style|script)[^>]*>.*?</\1>|Written by cdpr_sim [^<]*", "", text, flags=re.DOTALL)
-    text = re.sub(r'"data:image[^"]*"', '"data:image"', text)
+    text = " ".join(re.sub(r'"data:image[^"]*"', '"data:image"', text).split())
     return re.sub(r"(?=<(?:tr|p|h\d|table|section|div|figure|option)\b)", "\n", text) + json.dumps(data, indent=0)
 
 
