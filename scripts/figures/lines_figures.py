@@ -40,8 +40,8 @@ METHODS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
     """Fig. 6: the four layouts, each in equilibrium at the middle of its workspace, with cable numbers."""
     figure = canvas(
-        10.8,
-        8.4,
+        style.WIDTH,
+        7.6,
         "Four layouts: cables in vertical or horizontal parallelograms, and crossed",
         "Equilibrium of each platform, commanded to the middle of its workspace. Numbers: the cables, as in the other "
         "figures; blue: left, red: right. (Paper, Fig. 6)",
@@ -148,7 +148,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         verbs = ("tilts ", "deviates ") if not extremes else ("", "")
         extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{down:.2g} mm downwards")
     figure = canvas(
-        10.5,
+        style.WIDTH,
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
         f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "

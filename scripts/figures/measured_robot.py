@@ -169,7 +169,7 @@ def draw_measured_robot(fits: Sequence[MeasuredFit]) -> Figure:
         style.WIDTH,
         6.4,
         f"A real robot's tensions: elastic cables with {elastic.unknowns} fitted number predict them to "
-        f"{elastic.rms('tension', True):.2g} N, rigid cables with {rigid.unknowns} numbers to "
+        f"{elastic.rms('tension', True):.2g}\N{NO-BREAK SPACE}N, rigid cables with {rigid.unknowns} numbers to "
         f"{rigid.rms('tension', True):.2g} N",
         "IRMA4U of the University of Bologna, 4 cables. Numbers: root mean square over the predicted poses. Rows: what "
         "the model is fitted with; the names are explained in the manual.",
