@@ -1,6 +1,6 @@
 """A real robot, IRMA4U, against rigid and elastic models: fit to 27 measured poses, prediction of 8 others."""
 
-# pyright: reportArgumentType=false, reportCallIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor grids of axes.
 from __future__ import annotations
 

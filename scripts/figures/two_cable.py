@@ -144,7 +144,7 @@ def draw_manifold(study: Manifold) -> Figure:
 
     front = figure.add_subplot(grid[1])
     contours = front.contour(x, z, beta, levels=np.arange(-60, 61, 10), colors=style.FAINT, linewidths=style.THIN)
-    for text in front.clabel(contours, contours.levels[::2], fmt="%d°", fontsize=8, colors=style.MUTED, inline=False):
+    for text in front.clabel(contours, range(-60, 61, 20), fmt="%d°", fontsize=8, colors=style.MUTED, inline=False):
         text.set_path_effects([withStroke(linewidth=3, foreground="white")])
     front.set(xlabel="x [m]", ylabel="z [m]", title="front view: contours of the rotation about y")
 
