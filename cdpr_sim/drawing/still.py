@@ -84,14 +84,10 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
         f"{robot.mobility}.",
         Still,
     )
-    for text in figure.texts:
-        text.set_parse_math(False)  # names and descriptions may contain any characters
     grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
     projection = "3d" if robot.mobility == "spatial" else None
     whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
     draw_robot(whole, robot, position, rotation)
-    if projection:
-        whole.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))  # a narrow axes has no room for more
     frame = _with_room(robot).frame
     _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
     whole.set_title("the robot, as commanded", loc="left")
