@@ -34,13 +34,13 @@ from cdpr_sim.statics.gufuncs import ROOTS
 SAME = 1e-3
 """Two equilibria at a distance below this fraction of the characteristic length, with as many unstable directions, are
 one: two solutions of one stable equilibrium scatter by at most 3e-8 of it, and two different stable ones differ by at
-least 0.01, of 120,000 random ones (``scripts/measure_constants.py``). Near a fold, a stable one and a saddle are
+least 0.01, of 120,000 random ones (``scripts/dev/measure_constants.py``). Near a fold, a stable one and a saddle are
 nearer."""
 
 LOOSE = 1e-8
 """Equilibria whose smallest eigenvalue is below this fraction of the largest may belong to a family: ``parallel``,
 hanging on two diagonal cables, measures 5e-16, and the softest stable equilibrium 1e-7
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""

@@ -146,6 +146,33 @@ def wrapped_lengths(
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
 
 
+def wheel(
+    cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"], float, float]:
+    """The wheel of a cable to ``anchor``, base frame [m], turned towards it.
+
+    Its centre; the unit vector from the pulley's axis to the centre; the axis, the direction in which the cable
+    arrives; the radius [m]; and the angle over which the cable lies on it [rad], nan if the anchor lies within it.
+    """
+    exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
+    with np.errstate(invalid="ignore"):
+        *_, x, y, z, _, wrap, _ = pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
+    outwards = np.cross([x, y, z], axis)
+    return exit_ + radius * outwards, outwards, axis, radius, float(wrap)
+
+
+def leaves_wheel(
+    cabling: Cabling, directions: Float[np.ndarray, "*batch cables 3"]
+) -> tuple[Float[np.ndarray, "*batch cables 3"], Float[np.ndarray, "*batch cables"]]:
+    """Where cables that leave their wheels along unit vectors do so, from their exits; and the lengths before [m]."""
+    axis, radius = cabling.pulley_axis, cabling.pulley_radius
+    cosine = (directions * axis).sum(-1)[..., None]
+    outwards = directions - cosine * axis
+    sine = np.linalg.norm(outwards, axis=-1, keepdims=True)
+    points = radius[:, None] * ((1 - cosine) * outwards / sine + sine * axis)
+    return points, radius * np.arctan2(sine, cosine)[..., 0]
+
+
 def swivel_angles(
     cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
 ) -> tuple[Float[np.ndarray, "*batch cables"], Float[np.ndarray, "*batch cables 3"]]:

@@ -36,7 +36,7 @@ from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.locks import holding
 
 INTERPRETED = False
-"""Whether Python interprets kernels however many elements they get. For tests, and ``scripts/mutate.py``."""
+"""Whether Python interprets kernels however many elements they get. For tests, and ``scripts/dev/mutate.py``."""
 
 FEW = 100
 """Elements that a kernel interprets, in each process: as many as a command or a first try evaluates. At two to four

@@ -32,7 +32,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import pulley_path, wrap_angle
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
@@ -131,7 +131,7 @@ def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
         row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
-        cable_law.of_row(row), row[WEIGHT],
+        cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
     )  # fmt: skip
 
 

@@ -42,8 +42,8 @@ from cdpr_sim.statics.cable_kernel import L0, PREDICTED, PULL, SAGGING, STIFF, T
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
-"""Largest number of iterations. Twelve suffice at random poses of DemoBot (``scripts/measure_constants.py``); unusual
-robots need many more."""
+"""Largest number of iterations. Twelve suffice at random poses of DemoBot (``scripts/dev/measure_constants.py``);
+unusual robots need many more."""
 
 MAX_TRANSLATION = 0.5
 """Longest step, as a fraction of the mean cable length."""
