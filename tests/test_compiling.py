@@ -18,6 +18,7 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import compiling
+from cdpr_sim.statics import cable_kernel
 from cdpr_sim.statics.newton import stiffness_of
 
 PACKAGE = Path(cdpr.__file__).parent
@@ -388,6 +389,46 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
     with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished importing"):
         compiling.import_numba()
     assert caplog.messages == [f"cdpr_sim waits for another thread of process {os.getpid()}, which imports Numba"]
+
+
+# --- several cables at once ---------------------------------------------------------------------------------------
+
+
+def geometry(d, table, p, R, s, w, m):
+    cable_kernel.measure(d, table, cable_kernel.PLAIN, p, R, s)
+    cable_kernel.fill_jacobian(s, 1.0, m, w)
+
+
+def pulleys_and_laws(d, table, p, R, s, w, m):
+    cable_kernel.measure(d, table, cable_kernel.BENT, p, R, s)
+
+
+def with_a_branch(d, table, p, R, s, w, m):
+    for i in range(m):
+        if s[i] > 0.0:  # divides, which may not be done in advance
+            w[i] = d[i] / s[i] + p[0]
+            if w[i] > 1.0:
+                break
+
+
+ARITHMETIC = {
+    "packed": r"v?(?:add|sub|mul|div|sqrt)pd\b|f(?:add|sub|mul|div|sqrt)\s+v\d+\.2d",
+    "single": r"v?(?:add|sub|mul|div|sqrt)sd\b|f(?:add|sub|mul|div|sqrt)\s+d\d+",
+}
+"""Instructions of x86 and of ARM, of several doubles and of one."""
+
+
+@pytest.mark.parametrize(("loops", "several"), [(geometry, True), (pulleys_and_laws, True), (with_a_branch, False)])
+def test_loops_over_cables_compute_several_at_once(monkeypatch, loops, several):
+    """An `if`, or rows whose distance the compiler does not know, would unravel them without a word."""
+    monkeypatch.setattr(compiling, "place", lambda: None)
+    rows, matrix = "float64[::1]", "float64[:, ::1]"
+    signature = f"void({rows}, Array(float64, 2, 'A', readonly=True), {rows}, {matrix}, {rows}, {rows}, int64)"
+    code = compiling.Compiled("loops", loops, signature, error_model="numpy").compiled
+    (text,) = code.inspect_asm().values()
+    packed, single = (len(re.findall(ARITHMETIC[kind], text)) for kind in ("packed", "single"))
+    assert packed + single > 0
+    assert (packed > single / 2) == several, (packed, single)
 
 
 # --- of these sources ---------------------------------------------------------------------------------------------
