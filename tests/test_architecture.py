@@ -160,6 +160,22 @@ def test_every_module_lives_in_a_folder_of_the_flow():
         assert ast.get_docstring(ast.parse(init.read_text(encoding="utf-8"))), init
 
 
+def test_contributing_has_the_rooms_and_their_flow():
+    """One table of at most fourteen folders, in the order of the flow; in the picture data goes to the right."""
+    page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = [room for room in FOLDERS if (PACKAGE / room).is_dir()]
+    assert re.findall(r"^\| `([a-z]+)/` \|", page, re.MULTILINE) == rooms
+    assert len(rooms) <= 14
+    picture = page.partition("```text\n")[2].partition("```")[0]
+    places = {
+        one[0]: one.start() for line in picture.splitlines() for one in re.finditer(r"[a-z]+", line.replace(".py", ""))
+    }
+    assert places.keys() == set(FOLDERS)
+    for module, used in graph().items():
+        beyond = {folder(one) for one in used} - {folder(module)}
+        assert all(places[one] < places[folder(module)] for one in beyond), module
+
+
 def test_imports_run_one_way():
     """Between folders in their order; and no circle anywhere, imports for types included."""
     for module, used in graph().items():

@@ -275,19 +275,21 @@ def wait_for(true: Callable[[], bool]) -> None:
 
 def test_it_loads_without_an_error_and_asks_the_network_for_nothing(opened, text, tmp_path):
     """Nothing on the console, no request; and both would be seen: a page that breaks, or asks, is told from it."""
-    assert opened.driver.get_log("browser") == []
-    assert opened.requests() == []
     film = "const film = document.querySelector('video'); return [film.error, film.readyState > 1, film.videoWidth]"
     wait_for(lambda: opened(film)[1])
     assert opened(film) == [None, True, 320]
+    assert opened.driver.get_log("browser") == []
+    assert opened.requests() == []
     breaks = text.replace("const views", "").replace('getElementById("scene")', 'getElementById("lost")')
     asks = text.replace("</main>", '<img alt="" src="https://example.invalid/x.png"></main>')
     for broken in (breaks, asks):
         opened.open(tmp_path / "broken.html", broken)
-        assert opened.driver.get_log("browser") != []
+        wait_for(lambda: opened.driver.get_log("browser") != [])
     opened.requests()
+    asked: list[str] = []
     opened.open(tmp_path / "broken.html", asks.replace(html_page.POLICY, ""))
-    assert opened.requests() == ["https://example.invalid/x.png"]
+    wait_for(lambda: asked.extend(opened.requests()) or asked != [])  # they are told some time after the page is there
+    assert asked == ["https://example.invalid/x.png"]
 
 
 def test_the_robot_is_drawn_and_turns_by_keyboard_and_mouse(opened):

@@ -144,9 +144,11 @@ def sensitivity(
         Derivatives of pose and tensions, by the names of the parameters.
 
     Raises:
-        InvalidInput: some direction is unconstrained, so that the derivatives are infinite.
+        InvalidInput: some direction is unconstrained, so that the derivatives are infinite; or ropes have a memory.
         NotConverged: there is no equilibrium.
     """
+    if isinstance(equilibrium, Robot | Problem):  # before it is solved
+        (equilibrium if isinstance(equilibrium, Robot) else equilibrium.robot).cabling.refuse_memory()
     equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
