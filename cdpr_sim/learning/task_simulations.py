@@ -89,7 +89,7 @@ class TaskSimulations:
         steps = max(1, int(np.ceil(period / longest)))
         model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, period / steps
         model.actuator_gainprm[by_tension] = model.actuator_biasprm[by_tension] = 0
-        model.actuator_gainprm[by_tension, 0] = robot.reeving[by_tension]
+        model.actuator_gainprm[by_tension, 0] = robot.cabling.pulls(np.ones(robot.cables))[by_tension]
         model.actuator_ctrlrange[by_tension] = np.stack([np.zeros(by_tension.sum()), largest[by_tension]], axis=1)
         # A step is made with the length at its middle; the last one is that at the end of the period.
         self._steps, self._at = steps, np.append((np.arange(steps) + 0.5) / steps, 1.0)[:, None]
@@ -119,7 +119,7 @@ class TaskSimulations:
     ) -> None:
         """Start a simulation of ``robot`` at rest at ``pose``, on ``rest_lengths`` [m]."""
         self._become(row, robot)
-        self._fields["actuator_biasprm"][row, :, 2] -= np.where(self.by_tension, 0.0, robot.reeving * friction)
+        self._fields["actuator_biasprm"][row, :, 2] -= np.where(self.by_tension, 0.0, robot.cabling.pulls(friction))
         self._still[row] = self._fields["actuator_biasprm"][row, :, 0]
         # Air damps the pendulum of the cables: as in ``track``, of their lengths at the first pose.
         swing = np.sqrt(self._mean / without_pretension(self.robot).rest_lengths(self.robot.pose(pose)).mean())

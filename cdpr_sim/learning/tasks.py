@@ -113,7 +113,7 @@ class Task:
         robot.cabling.refuse_memory()
         robot.cabling.refuse_weight("cdpr_sim.learning")
         if not robot.cabling.linear:
-            cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
+            cable = int(np.argmax(robot.cabling.nonlinear)) + 1
             raise InvalidInput(
                 f"cdpr_sim.learning: found cable {cable} with nonlinear elasticity, expected linear ones: the winch of "
                 "a nonlinear cable has no limit of force, without which random controls end a simulation"
