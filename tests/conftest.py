@@ -34,7 +34,7 @@ BEYOND_BEARTYPE = {
 """Where it does not follow."""
 
 COMPILED = {
-    "core.cable_path", "core.cable_law", "core.compiling", "core.lanes", "drawing.video.raycast", "statics.any_cable",
+    "core.cable_path", "core.cable_law", "core.compiling", "drawing.video.raycast", "statics.any_cable",
     "statics.catenary",
 }  # fmt: skip
 """Whose functions Numba compiles, beside the kernels."""

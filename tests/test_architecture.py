@@ -199,10 +199,16 @@ def test_walls_stand():
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
-            compiles = (
-                module == "robots.importers.mujoco_model"
-            )  # a model is read as MuJoCo reads it; nothing is computed
+            # A model is read as MuJoCo reads it; nothing is computed.
+            compiles = module == "robots.importers.mujoco_model"
             assert ("mujoco" in libraries(names)) == compiles, module
+
+
+def test_the_compiler_is_used_by_its_documented_functions_alone():
+    """Internals of Numba and LLVM change from version to version."""
+    for module, names in (anywhere() | in_scripts()).items():
+        assert not any(f"{name}.".startswith(("numba.core.", "llvmlite.")) for name in names), module
+        assert "numba.core" not in ast.unparse((trees() | scripts())[module]), module
 
 
 def test_nothing_touches_matplotlibs_global_state():

@@ -213,7 +213,7 @@ def test_what_lies_on_a_wheel_follows_exit_and_anchor(monkeypatch):
 def test_energy_tension_and_tangent_of_a_law_are_one_potential():
     """Also beyond the strain of 20 % where it goes on straight."""
     stretch = np.array([0.01, 0.1, 0.19, 0.25, 0.6])
-    law = (1.0, 1e4, 20.0, 300.0)
+    law = 1.0, (1e4, 20.0, 300.0)
     slope, _ = cable_law.tangent(stretch, *law)
     for value, exact in ((cable_law.energy, cable_law.tension(stretch, *law)), (cable_law.tension, slope)):
         by = np.diag(np.asarray(exact))

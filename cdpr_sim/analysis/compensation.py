@@ -225,7 +225,7 @@ def compensate(
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
     field, given = ("tension_limits", tension_limits) if tensions is None else ("tensions", tensions)
     lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given, field)
-    upper = np.minimum(upper, cable_law.largest_tension(*robot.cabling.law))
+    upper = np.minimum(upper, cable_law.largest_tension(robot.cabling.law))
     if (lower > upper).any():
         cable = int(np.argmax(lower > upper))
         raise InvalidInput(
@@ -345,9 +345,7 @@ def _tensions_at(
         return np.full(problem.robot.cables, np.inf)
     lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
     stretching = least + problem.robot.cabling.behind
-    return np.where(
-        lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, *problem.robot.cabling.law)
-    )
+    return np.where(lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, problem.robot.cabling.law))
 
 
 def _cut_lengths(
@@ -584,8 +582,7 @@ def _descend(
         state, _, jacobian = pulling(unknowns.tobytes())
         by_step = -robot.cabling.tensions(state.geometry.wrench_matrix).T
         by_step[:, 3:] = by_step[:, 3:] @ jacobian
-        EA, *coefficients = robot.cabling.law
-        softness = 1 / (EA * cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, 1.0, *coefficients)[0])
+        softness = 1 / cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, robot.cabling.law)[0]
         by_tension = np.diag(-(least + robot.cabling.behind) * softness * scale / reach)
         return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
 
@@ -621,7 +618,7 @@ def _descend(
 
 def _strains(robot: Robot, tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
     """The strain of each massless rope under these tensions."""
-    return 1 / cable_law.rest_length_for(1.0, np.maximum(tensions, 0.0), *robot.cabling.law) - 1
+    return cable_law.strain_at(np.maximum(tensions, 0.0), robot.cabling.law)
 
 
 def _shortest(problem: Problem, step: Float[np.ndarray, "6"], tensions: Float[np.ndarray, " cables"]) -> float:

@@ -314,7 +314,7 @@ class Cabling(Cables, Frozen):
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3.
+        """The law of each rope, of ``cable_law``: axial stiffness [N], a2, a3.
 
         Raises:
             InvalidInput: cables with a memory, which have another law.

@@ -191,7 +191,7 @@ def feasible_cases(
         found = [forces.weight_of_cables(one, cases.positions, cases.rotations) for one in robots]
         difference, weight = (np.stack(column) for column in zip(*found, strict=True))
         lower, upper = lower + difference, upper - difference
-        left = SHORTFALLS[robot.cabling.bent](
+        left = SHORTFALLS(
             layouts.cable_table(layouts.axial_stiffness[:, None]), lower, upper, robot.weight,
             layouts.center_of_mass[:, None], cases.wrench[:, None] + weight[..., None, :], np.array(robot.free),
             layouts.characteristic_lengths[:, None], cases.positions, cases.rotations,

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import MOST_STRAIN, STIFFENING, STIFFNESS, WEIGHT
+from cdpr_sim.core.cable import MOST_STRAIN, WEIGHT
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot, beside
 from cdpr_sim.statics import forces
@@ -291,8 +291,8 @@ def _pulls_by_length(
         pulls: forces on the anchors [N].
         stiffness: −∂pull/∂anchor [N/m].
     """
-    size, law = np.linalg.norm(pulls, axis=-1), (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1))
-    unstretched = cable_law.rest_length_for(1.0, size, *law)
+    size = np.linalg.norm(pulls, axis=-1)
+    unstretched = cable_law.rest_length_for(1.0, size, cable_law.of_table(table))
     piece = -pulls / (np.where(size > 0, size, 1.0) * unstretched)[..., None]
     by_length = (stiffness @ piece[..., None])[..., 0]
     by_length[..., 2] -= table[..., WEIGHT]
@@ -314,7 +314,7 @@ def rest_lengths_under(
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -chords)[0], tensions, *cabling.law, behind=cabling.behind
+        cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.behind
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions

@@ -114,7 +114,7 @@ class State:
         """
         if self.hanging is not None:
             return np.full(self.lengths.shape, np.nan)
-        k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
+        k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_stretched(self.problem))
         return self.problem.robot.cabling.tensions(k) * (self.tensions > 0)
 
     @property
@@ -172,7 +172,7 @@ class State:
         problem, robot = self.problem, self.problem.robot
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
         if self.hanging is None:
-            each = cable_law.energy(self.lengths - problem.rest_lengths, *_law(problem))
+            each = cable_law.energy(self.lengths - problem.rest_lengths, *_stretched(problem))
             elastic = robot.cabling.pulls(each).sum(-1)
         else:
             elastic = self.hanging.energy.sum(-1)
@@ -226,7 +226,7 @@ def at(
         hanging = any_cables(robot.cable_table(problem.axial_stiffness), chords, rest)
         tau = robot.cabling.tensions(hanging.anchor_tension)
         return State(problem, np.asarray(position), rotation, cables, tau, hanging)
-    tau = cable_law.tension(cables.lengths - rest, *_law(problem))
+    tau = cable_law.tension(cables.lengths - rest, *_stretched(problem))
     return State(problem, np.asarray(position), rotation, cables, tau)
 
 
@@ -310,11 +310,11 @@ def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
     return np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vectors)
 
 
-def _law(problem: Problem | Problems) -> tuple[Array, ...]:
-    """The arguments of ``cable_law`` besides stretches."""
+def _stretched(problem: Problem | Problems) -> tuple[Array, tuple[Array, ...]]:
+    """The arguments of ``cable_law`` besides stretches: the length of rope that stretches, and the law."""
     cabling = problem.robot.cabling
     cabling.refuse_memory()
-    return problem.rest_lengths + cabling.behind, problem.axial_stiffness, *cabling.coefficients
+    return problem.rest_lengths + cabling.behind, (problem.axial_stiffness, *cabling.coefficients)
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

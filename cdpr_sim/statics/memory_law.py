@@ -204,7 +204,7 @@ class MemoryLaw:
         """Strains of the elastic law under forces over EA."""
         if not self.curved.any():
             return forces
-        return 1 / cable_law.rest_length_for(1.0, forces, 1.0, *self.robot.cabling.coefficients) - 1
+        return cable_law.strain_at(forces, (1.0, *self.robot.cabling.coefficients))
 
     def _stretch_under(self, pulls: Float[Array, "*batch cables"]) -> Float[Array, "*batch cables"]:
         """x of cables under these tensions [m]; of nonlinear ones without elements."""

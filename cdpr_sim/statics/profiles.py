@@ -97,12 +97,12 @@ def profiles(
         t[..., 2] -= weights * (rest - wrapped)
         T = found.exit_tension
         beyond_exit, on_wheel = cable_path.leaves_wheel(cabling, t / T[..., None])
-        law = axial_stiffness, *cabling.coefficients
-        unstretched = cable_law.rest_length_for(1.0, T, *law)
+        law = cable_law.of_table(table)
+        unstretched = cable_law.rest_length_for(1.0, T, law)
         # Rope from behind the exit that its stretch moves past the exit.
         pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
         mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
-        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        secant = mean / cable_law.strain_at(mean, law)
         over = cabling.pulleys & (weights > 0)
         starts = np.where(over[..., None], exits + beyond_exit, exits)
     rest = np.where(over, rest - on_wheel * unstretched, rest) + pulled_out

@@ -508,9 +508,9 @@ def _rest(code: CodeType) -> tuple:
 
 
 def _compiled() -> set[str]:
-    from cdpr_sim.core import code_cache
+    from cdpr_sim.core import compiling
 
-    return set(code_cache.SOURCES)
+    return set(compiling.SOURCES)
 
 
 def _changed(path: Path, right: str, wrong: str) -> Changes | None:
@@ -527,18 +527,9 @@ def _changed(path: Path, right: str, wrong: str) -> Changes | None:
 
 def _patch_interpreted(changed: Changes) -> None:
     """The same, and Python interprets what Numba would compile."""
-    from cdpr_sim.core.compiling import Compiled, Kernel
+    from cdpr_sim.core import compiling
 
-    def interpreted(kernel: Any, *inputs: Any) -> Any:
-        arrays = [numpy.asarray(one) for one in inputs]
-        loops = [one.shape[: one.ndim - own] for one, own in zip(arrays, kernel.axes, strict=True)]
-        return kernel._interpreted(numpy.broadcast_shapes(*loops), *inputs)
-
-    numpy = importlib.import_module("numpy")
-    for name in ("__call__", "compiled_for_all"):
-        setattr(Kernel, name, interpreted)
-    name = "compiled"
-    setattr(Compiled, name, property(lambda one: one if isinstance(one, Kernel) else one._function))
+    compiling.INTERPRETED = True
     if changed:
         _patch(changed)
 
