@@ -20,6 +20,7 @@ class NoRest(enum.Enum):
     MECHANISM = "a mechanism: nothing resists the force along a direction"
     TURNS = "turns for ever"
     DRIVEN = "an actuator's state grows for ever"
+    BELT = "driven for ever by a surface that moves"
     LIMIT_CYCLE = "oscillates for ever about its equilibrium"
     SLIDES = "slides: friction at its limit does not hold it"
     DIVERGES = "the simulation diverges at every time step"

@@ -21,8 +21,8 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import write_state
-from cdpr_sim.anymodel.friction import rows_of
-from cdpr_sim.anymodel.islands import groups_of_trees
+from cdpr_sim.anymodel.friction import SLIDES
+from cdpr_sim.anymodel.islands import coordinates_of, groups_of_trees
 
 STEPS = 20_000
 """Time steps, at most, unless asked otherwise."""
@@ -32,9 +32,6 @@ CHECK = 100
 
 CHECK_STICKING = 20
 """The same once friction holds: it is then a force that each evaluation finds anew."""
-
-SLIDES = 1 - 1e-6
-"""Share from which a contact slides."""
 
 READY = 3
 """Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
@@ -122,8 +119,6 @@ class Motion:
         self.longest = max(self.first, min(5 * self.first, float(positive.min(initial=np.inf)) / 2))
         self.active = np.zeros(model.nv, dtype=bool)
         self.active[dofs] = True
-        self.held = np.zeros(model.nq, dtype=bool)
-        self.held_at = self.data.qpos.copy()
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
@@ -147,8 +142,8 @@ class Motion:
         while count < steps:
             count += 1
             mujoco.mj_step(model, data)
-            if self.held.any():
-                data.qpos[self.held] = self.held_at[self.held]
+            if len(self.held):
+                data.qpos[self.held] = self.held_at
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
             kinetic = np.bincount(self.groups, data.qvel * momentum, self.number)
@@ -226,12 +221,12 @@ class Motion:
         """The largest residual of an island; once friction holds, it is applied as a force."""
         forces = self.balance.forces
         net = forces.net(self.data.qpos)
-        rows = rows_of(forces.model, forces.data)
+        rows = self.balance.rows()
         self.touched[:] = False
         self.touched[np.unique(forces.model.dof_treeid[np.any(rows.directions, axis=0)])] = True
         used = np.unique(self.groups[self.active])
         parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
-        states = self.balance.evaluated(net, parts)
+        states = self.balance.evaluated(net, rows, parts)
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
@@ -278,15 +273,7 @@ class Motion:
 
     def _hold(self) -> None:
         """Hold the degrees of freedom that are not active where they are."""
-        self.held_at = self.data.qpos.copy()
-        self.held = coordinates_of(self.model, ~self.active)
+        self.held = coordinates_of(self.model, np.flatnonzero(~self.active))
+        self.held_at = self.data.qpos[self.held]
         self.data.qvel[~self.active] = 0
 
-
-def coordinates_of(model: Any, dofs: Bool[np.ndarray, " nv"]) -> Bool[np.ndarray, " nq"]:
-    """Which coordinates of ``qpos`` belong to the joints of degrees of freedom."""
-    where = np.zeros(model.nq, dtype=bool)
-    ends = np.append(model.jnt_qposadr[1:], model.nq)
-    for joint in np.unique(model.dof_jntid[dofs]):
-        where[model.jnt_qposadr[joint] : ends[joint]] = True
-    return where

@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.balance import Balance
-from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
+from cdpr_sim.anymodel.evidence import equilibrium_at
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, state_of
 from cdpr_sim.anymodel.ignored import free_dofs, names_of_ignored, without
-from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
 from cdpr_sim.anymodel.motion import STEPS, Motion
 from cdpr_sim.anymodel.names import listed
+from cdpr_sim.anymodel.newton import newton
+from cdpr_sim.anymodel.refusal import refusal
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
 from cdpr_sim.core.checks import FLAG, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
@@ -113,11 +114,11 @@ def _settled(
     counts = {"time steps": 0, "newton": 0}
 
     def rests(qpos: np.ndarray, residual: float = ACCEPTABLE) -> bool:
-        return Judged(balance, qpos, dofs).rests(residual, OF_LOAD)
+        return Judged.at(balance, qpos, dofs).rests(residual, OF_LOAD)
 
-    def newton(qpos: np.ndarray, until: float) -> np.ndarray:
+    def by_newton(qpos: np.ndarray, until: float) -> np.ndarray:
         say("Newton's method")
-        end, count = newton_by_islands(balance, qpos, dofs, tolerance=RESIDUAL, deadline=until)
+        end, count = newton(balance, qpos, dofs, tolerance=RESIDUAL, deadline=until)
         counts["newton"] += count
         return end
 
@@ -127,7 +128,7 @@ def _settled(
         forces.deadline = late
         return equilibrium_at(model, balance, start, dofs, counts, "start")
     now = time.monotonic()
-    alone = newton(start, now + SHARE_OF_NEWTON * (deadline - now))
+    alone = by_newton(start, now + SHARE_OF_NEWTON * (deadline - now))
     alone_rests = rests(alone)
     qpos, found, nudge = start, None, 0
     while True:
@@ -139,7 +140,7 @@ def _settled(
             report=lambda count: say(f"{count} time steps"),
         )
         counts["time steps"] += ended.steps
-        polished = newton(ended.qpos, deadline)
+        polished = by_newton(ended.qpos, deadline)
         if not rests(polished):
             break
         found = polished, ended
@@ -148,7 +149,7 @@ def _settled(
         nudge += 1
         try:
             forces.deadline = deadline
-            unstable = Judged(balance, polished, dofs).unstable_directions
+            unstable = Judged.at(balance, polished, dofs).unstable_directions
         except OutOfTime:
             break
         finally:

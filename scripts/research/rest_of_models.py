@@ -128,7 +128,7 @@ def after_steps(model: mujoco.MjModel, start: mujoco.MjData) -> float:
         mujoco.mj_step(model, data)
     if not np.isfinite(data.qpos).all():
         return np.inf
-    return Balance(RestForces(model, data), True).at(np.array(data.qpos), np.arange(model.nv)).of_load
+    return Balance(RestForces(model, data), True).at(np.array(data.qpos), [np.arange(model.nv)])[0].of_load
 
 
 def copied(model: mujoco.MjModel, start: mujoco.MjData) -> mujoco.MjData:
