@@ -64,17 +64,17 @@ class Balance:
     def following(
         self, rows: FrictionRows, states: list[Unbalanced]
     ) -> Callable[[Float[np.ndarray, " nq"]], Float[np.ndarray, " nv"]]:
-        """The net force near a pose, with the friction of that pose: the same fractions of the limits.
+        """The net force near a pose, with the friction of that pose: the same forces along its directions.
 
         Where the forces balance, its derivative along directions that friction does not hold is exact: whatever else
         friction does acts along those that it holds.
         """
-        use = np.sum([state.held.use for state in states], axis=0)
-        if not np.any(use):
+        pulls = rows.limits * np.sum([state.held.use for state in states], axis=0)
+        if not np.any(pulls):
             return lambda qpos: self.forces.net(qpos).force
 
         def force(qpos: np.ndarray) -> np.ndarray:
             net, here = self.forces.net(qpos).force, self.rows()
-            return net + here.force(here.use_of(rows, use))
+            return net + here.force(here.pulls_of(rows, pulls))
 
         return force

@@ -57,13 +57,13 @@ class FrictionRows:
         whole = np.zeros(0, dtype=int)
         return cls(np.zeros((0, nv)), np.zeros(0), whole, np.zeros(0, dtype=bool), whole, ())
 
-    def force(self, use: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " nv"]:
-        """Generalised force of friction whose fractions of the limits are ``use`` [N, N m]."""
-        return self.directions.T @ (self.limits * use)
+    def force(self, pulls: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " nv"]:
+        """Generalised force of friction that pulls along each direction [N, N m]."""
+        return self.directions.T @ pulls
 
-    def use_of(self, other: FrictionRows, use: Float[np.ndarray, " others"]) -> Float[np.ndarray, " rows"]:
-        """The same fractions of the limits as at another pose; 0 of a contact that is not there."""
-        known = {name: use[other.cones == cone] for cone, name in enumerate(other.names)}
+    def pulls_of(self, other: FrictionRows, pulls: Float[np.ndarray, " others"]) -> Float[np.ndarray, " rows"]:
+        """The same pulls as at another pose; 0 of a contact that is not there."""
+        known = {name: pulls[other.cones == cone] for cone, name in enumerate(other.names)}
         found = np.zeros(len(self.limits))
         for cone, name in enumerate(self.names):
             rows = self.cones == cone
@@ -162,7 +162,7 @@ def hold(
     use[touch] = least_share(held.T @ (directions.T * rows.limits[touch]), -held.T @ (net[dofs] / scale), cones, corners)
     share[which] = found = shares(use[touch], cones, corners)
     _, free = _held_and_free(directions[(found < SLIDES)[cones]])
-    return Held(rows.force(use)[dofs], use, share, free / scale[:, None])
+    return Held(rows.force(rows.limits * use)[dofs], use, share, free / scale[:, None])
 
 
 def _held_and_free(

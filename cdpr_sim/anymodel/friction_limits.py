@@ -129,12 +129,12 @@ def _product(one: np.ndarray, two: np.ndarray) -> np.ndarray:
 def _divided(by: np.ndarray, what: np.ndarray) -> np.ndarray:
     """The vector whose Jordan product with ``by`` is ``what``."""
     head = (by[:, 0] * what[:, 0] - (by[:, 1:] * what[:, 1:]).sum(axis=1)) / _determinant(by)
-    return np.hstack([head[:, None], (what[:, 1:] - by[:, 1:] * head[:, None]) / by[:, :1]])
+    return np.hstack([head[:, None], (what[:, 1:] - by[:, 1:] * head[:, None]) / np.maximum(by[:, :1], 1e-300)])
 
 
 def _determinant(vectors: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors[:, 1:], axis=1)
-    return (vectors[:, 0] - length) * (vectors[:, 0] + length)
+    return np.maximum((vectors[:, 0] - length) * (vectors[:, 0] + length), 1e-300)
 
 
 def _scaling(room: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -37,6 +37,9 @@ READY = 3
 """Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
 creeps, and a box that creeps on its corners does not come to rest."""
 
+NEAR = 0.1
+"""Residual of such an evaluation, at most: bodies that still fall are not held."""
+
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
@@ -60,6 +63,9 @@ MANY_TURNS = 20
 
 RATTLES, QUICK = 6, 4
 """This many peaks, each within so many steps of the one before, are rattling."""
+
+STILL = 1e-5
+"""Residual of an island below which it is at rest, and its rattling does not count."""
 
 SHRINKS, GROWS, CALM = 0.6, 1.3, 40
 """Factors of the time step; it grows where a peak came after more than ``CALM`` steps."""
@@ -197,7 +203,7 @@ class Motion:
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
             self.data.qvel[peaks[self.groups]] = 0
-            self.rattles = np.where(peaks, np.where(since <= QUICK, self.rattles + 1, 0), self.rattles)
+            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~self.still, self.rattles + 1, 0), self.rattles)
             if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
                 self.rattles[:], self.quiet = 0, 0
@@ -227,6 +233,7 @@ class Motion:
         used = np.unique(self.groups[self.active])
         parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
         states = self.balance.evaluated(net, rows, parts)
+        self.still[used] = [state.residual < STILL for state in states]
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
@@ -236,7 +243,8 @@ class Motion:
                 if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
                     self.data.qfrc_applied[part] += state.held.force
         elif loaded:
-            self.ready = self.ready + 1 if min(loaded) < SLIDES else 0
+            near = max(state.residual for state in states) < NEAR
+            self.ready = self.ready + 1 if near and min(loaded) < SLIDES else 0
             self.loaded += 1
             self.sticks = self.ready >= READY or self.loaded >= PATIENCE
         return max((state.residual for state in states), default=0.0)
@@ -247,6 +255,7 @@ class Motion:
         if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
             self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
             self.energy = np.zeros(self.number)
+            self.still = np.zeros(self.number, dtype=bool)
             self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:
