@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.anymodel.agreement import agreement
+from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.judged import Judged
 
 G = 9.81
 
@@ -113,7 +115,8 @@ def test_poses_are_compared_by_the_tensions_of_nonlinear_tendons():
         "</tendon></mujoco>"
     )
     forces = RestForces(model, mujoco.MjData(model))
-    found = agreement(forces, np.array([0.0]), np.array([-0.01]), [], "start")  # stretched by 0.1 and by 0.11 m
+    judged = Judged.at(Balance(forces, True), np.array([0.0]), np.arange(1))
+    found = agreement(judged, np.array([-0.01]), "start")  # stretched by 0.1 and by 0.11 m
     assert found.tension_error == pytest.approx(0.11 * (100 + 1000 * 0.11) - 0.1 * (100 + 1000 * 0.1), rel=1e-12)
     assert not found.agrees
 

@@ -8,28 +8,23 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelAgreement
 from cdpr_sim.anymodel.tendons import tensions_in
 from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TENSION_TOLERANCE
 
 
-def agreement(
-    forces: RestForces,
-    one: Float[np.ndarray, " nq"],
-    two: Float[np.ndarray, " nq"],
-    neutral: list[Float[np.ndarray, " nv"]],
-    newton_from: str,
-) -> ModelAgreement:
-    """Comparison of two poses; along the neutral directions (of unit mass) of the first they may differ."""
-    errors = _errors(forces, one, two)
+def agreement(judged: Judged, other: Float[np.ndarray, " nq"], newton_from: str) -> ModelAgreement:
+    """Comparison of the pose that was judged with another; along its neutral directions they may differ."""
+    forces, pose, neutral = judged.balance.forces, judged.qpos, judged.neutral_directions
+    errors = _errors(forces, pose, other)
     reasons = _reasons(errors)
     if reasons and neutral:
-        forces.net(one)
-        directions = np.array(neutral)
-        apart = forces.between(one, two)
+        forces.net(pose)
+        directions = np.array(neutral)  # of unit mass
+        apart = forces.between(pose, other)
         along = directions.T @ (directions @ (forces.mass() @ apart))
-        there = forces.moved(one, apart - along)
-        others = _errors(forces, one, there)
+        others = _errors(forces, pose, forces.moved(pose, apart - along))
         if not _reasons(others):
             errors, reasons = others, ()
     return ModelAgreement(not reasons, newton_from, *errors, reasons)

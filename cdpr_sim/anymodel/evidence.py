@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -12,7 +13,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.agreement import agreement
-from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, write_state
 from cdpr_sim.anymodel.friction_limits import shares
 from cdpr_sim.anymodel.islands import coordinates_of
@@ -40,27 +40,38 @@ LOADED = 1e-6
 
 def equilibrium_at(
     model: Any,
-    balance: Balance,
-    qpos: Float[np.ndarray, " nq"],
+    judged: Judged,
     dofs: Int[np.ndarray, " n"],
     counts: dict[str, int],
     way: str,
-    by_motion: Float[np.ndarray, " nq"] | None = None,
-    by_newton: Float[np.ndarray, " nq"] | None = None,
+    deadline: float,
+    others: Sequence[tuple[str, Callable[[], Float[np.ndarray, " nq"]]]] = (),
 ) -> ModelEquilibrium:
     """The equilibrium at a pose where all forces balance.
+
+    Args:
+        model: the model with its own options.
+        judged: the pose.
+        dofs: degrees of freedom that are not held.
+        counts: iterations, by name.
+        way: the way to it.
+        deadline: time at which the judgement ends.
+        others: poses of the other way, until one agrees: where Newton's method began, and what finds the pose.
 
     Raises:
         NotSettled: it moves all the same: friction creeps too fast, or an oscillation grows.
     """
-    judged = Judged.at(balance, qpos, dofs)
     try:
-        found, half = described(model, judged, dofs, counts, way, by_motion, by_newton)
+        with judged.balance.forces.until(deadline):
+            agreed = None
+            for newton_from, pose in others:
+                agreed = agreement(judged, pose(), newton_from)
+                if agreed.agrees:
+                    break
+            found, half = described(model, judged, dofs, counts, way, agreed)
     except OutOfTime:
         reason = "the forces balance, but the time was spent before the stability was judged: give more seconds"
         raise NotSettled(reason, None, NoRest.NOT_CONVERGED) from None
-    finally:
-        balance.forces.deadline = float("inf")
     if way == "newton" and found.stability is Stability.UNSTABLE:
         reason = f"{NoRest.NOT_CONVERGED.value}: time steps do not end, and Newton's method found only a saddle"
         raise NotSettled(reason, found, NoRest.NOT_CONVERGED, judged.unstable)
@@ -82,8 +93,7 @@ def described(
     dofs: np.ndarray,
     counts: dict[str, int],
     way: str,
-    by_motion: np.ndarray | None = None,
-    by_newton: np.ndarray | None = None,
+    agreed: ModelAgreement | None = None,
 ) -> tuple[ModelEquilibrium, float]:
     """The equilibrium, or the best pose, with its forces; and the speed after half the time of the creep."""
     forces, qpos = judged.balance.forces, judged.qpos
@@ -91,12 +101,6 @@ def described(
     stability = Stability.NEUTRAL if neutral else Stability.STABLE
     if judged.unstable_directions:
         stability = Stability.UNSTABLE
-    compared: ModelAgreement | None = None
-    if by_motion is not None:
-        if by_newton is not None:
-            compared = agreement(forces, qpos, by_newton if way == "motion" else by_motion, neutral, "start")
-        if way == "motion" and (compared is None or not compared.agrees):
-            compared = agreement(forces, qpos, by_motion, neutral, "motion")
     unbalanced, friction, share = np.zeros(model.nv), np.zeros(model.nv), 0.0
     for part, state in zip(judged.islands, judged.states, strict=True):
         unbalanced[part], friction[part] = state.force, state.held.force
@@ -130,7 +134,7 @@ def described(
         neutral=names,
         iterations=dict(counts),
         way=way,
-        agreement=compared,
+        agreement=agreed,
         notes=tuple(notes),
     )
     return found, half

@@ -9,8 +9,10 @@ where MuJoCo's forward dynamics has no acceleration.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import contextlib
 import copy
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,6 +74,15 @@ class RestForces:
         self.data = mujoco.MjData(self.model)
         write_state(self.data, state)
         self.deadline = float("inf")
+
+    @contextlib.contextmanager
+    def until(self, deadline: float) -> Iterator[None]:
+        """Evaluations after a time raise ``OutOfTime``."""
+        self.deadline = deadline
+        try:
+            yield
+        finally:
+            self.deadline = float("inf")
 
     def net(
         self, qpos: Float[np.ndarray, " nq"], qvel: np.ndarray | float = 0.0, qacc: np.ndarray | float = 0.0

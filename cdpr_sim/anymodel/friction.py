@@ -159,7 +159,9 @@ def hold(
     held, _ = _held_and_free(directions)
     which, cones = np.unique(rows.cones[touch], return_inverse=True)
     corners = rows.corners[which]
-    use[touch] = least_share(held.T @ (directions.T * rows.limits[touch]), -held.T @ (net[dofs] / scale), cones, corners)
+    use[touch] = least_share(
+        held.T @ (directions.T * rows.limits[touch]), -held.T @ (net[dofs] / scale), cones, corners
+    )
     share[which] = found = shares(use[touch], cones, corners)
     _, free = _held_and_free(directions[(found < SLIDES)[cones]])
     return Held(rows.force(rows.limits * use)[dofs], use, share, free / scale[:, None])

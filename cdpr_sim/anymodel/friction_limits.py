@@ -58,14 +58,14 @@ def least_share(
     x = np.zeros(slopes.shape[2])
     x[-1] = 0.5
     room, dual = ends + slopes @ x, np.zeros_like(ends)
-    dual[:, 0] = 1.0 / len(ends)
+    dual[:, 0] = np.abs(pull).max()
     one = np.zeros_like(ends)
     one[:, 0], length = 1.0, 1.0
     for _ in range(ITERATIONS):
         slope = curvature @ x + pull - flat.T @ dual.ravel()
         gap = float((room * dual).sum())
         value = float(x @ curvature @ x / 2 + pull @ x) + 1 / (2 * LEFT)
-        if length < SHORTEST or (gap < GAP * max(1.0, value) and np.abs(slope).max() < GAP * np.abs(pull).max()):
+        if length < SHORTEST or (gap < GAP * max(1.0, 100 * value) and np.abs(slope).max() < 1e-6 * np.abs(pull).max()):
             break
         there, back, inner = _scaling(room, dual)
         hessian = curvature + flat.T @ (back @ back @ slopes).reshape(flat.shape)

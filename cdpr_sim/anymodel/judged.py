@@ -81,6 +81,16 @@ class Judged:
         ]
 
     @property
+    def elastic_direction(self) -> Float[np.ndarray, " nv"]:
+        """The sum of the directions in which forces resist, each in equal parts of its largest; its largest part is 1."""
+        total = np.zeros(self.balance.forces.model.nv)
+        for island, one in enumerate(self.modes):
+            stiff = one.directions[:, one.eigenvalues > one.floor]
+            if stiff.shape[1]:
+                total += self.spread(island, (stiff / np.abs(stiff).max(axis=0)).sum(axis=1))
+        return total / max(float(np.abs(total).max(initial=0.0)), 1e-300)
+
+    @property
     def unstable(self) -> tuple[str, ...]:
         """Names of the joints that move along the unstable directions."""
         model = self.balance.forces.model

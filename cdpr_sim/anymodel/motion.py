@@ -13,7 +13,6 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -43,8 +42,8 @@ NEAR = 0.1
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
-LONG = 200
-"""Evaluations in a row with friction at its limit, after it was applied, after which the motion ends."""
+LONG = 60
+"""Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
 
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
@@ -52,8 +51,8 @@ LOADED = 1e-6
 BLOWS_UP = 1e12
 """[J/kg] Kinetic energy above which the motion has diverged."""
 
-TIME_SPENT = "time spent"
-DIVERGES = "the simulation diverges at every time step"
+STALLS, TIME_SPENT, DIVERGES = "it does not get nearer", "time spent", "the simulation diverges at every time step"
+"""Reasons for an end without rest; from the first, the motion may go on."""
 
 FAR = 100.0
 """Distance, in sizes of the model, after which a body that still accelerates counts as falling."""
@@ -109,9 +108,12 @@ class MotionEnd:
 
 
 class Motion:
-    """Time steps of a model with kinetic damping."""
+    """Time steps of a model with kinetic damping, from the pose of ``balance.forces``.
 
-    def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"]) -> None:
+    Friction holds from the beginning if ``sticks``; otherwise once it could for some time.
+    """
+
+    def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"], sticks: bool = False) -> None:
         self.balance = balance
         self.model = model = copy.copy(balance.forces.model)
         if model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
@@ -129,7 +131,7 @@ class Motion:
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
         self.quiet = 0
-        self.sticks, self.ready, self.loaded, self.sliding_on = False, 0, 0, 0
+        self.sticks, self.ready, self.loaded = sticks, 0, 0
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
@@ -140,11 +142,13 @@ class Motion:
     def run(
         self, *, tolerance: float, steps: int, deadline: float, report: Callable[[int], None] = lambda steps: None
     ) -> MotionEnd:
-        """Move until the forces balance, or the steps or the time are spent."""
+        """Move on until the forces balance, the motion stalls, or the steps or the time are spent."""
         model, data = self.model, self.data
         self.good = data.qpos.copy()
         best, best_residual, reason, count = data.qpos.copy(), np.inf, "time steps spent", 0
-        momentum, damped, check = np.zeros(model.nv), True, CHECK
+        momentum, damped, check, in_vain, half = np.zeros(model.nv), True, CHECK, 0, np.inf
+        if self.sticks:
+            self._residual()
         while count < steps:
             count += 1
             mujoco.mj_step(model, data)
@@ -177,8 +181,11 @@ class Motion:
             if time.monotonic() > deadline:
                 reason = TIME_SPENT
                 break
-            if self.sliding_on > LONG:
-                reason = "friction at its limit does not hold"
+            in_vain += 1
+            if residual < half / 2 or not self.sticks:
+                half, in_vain = min(residual, half), 0
+            if in_vain > LONG:
+                reason = STALLS
                 break
             if self._gone():
                 best, best_residual = data.qpos.copy(), np.inf
@@ -237,7 +244,6 @@ class Motion:
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
-            self.sliding_on = self.sliding_on + 1 if any(share >= SLIDES for share in loaded) else 0
             for part, state in zip(parts, states, strict=True):
                 # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
                 if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
@@ -285,4 +291,3 @@ class Motion:
         self.held = coordinates_of(self.model, np.flatnonzero(~self.active))
         self.held_at = self.data.qpos[self.held]
         self.data.qvel[~self.active] = 0
-

@@ -8,6 +8,7 @@ steps and its own end, so that one without an equilibrium does not stop the othe
 
 from __future__ import annotations
 
+import contextlib
 from collections import defaultdict
 from dataclasses import dataclass
 
@@ -114,8 +115,7 @@ def newton(
     extent = max(float(model.stat.extent), 0.1)
     reach = np.where(balance.translates, REACH[0] * extent, REACH[1])
     searches: defaultdict[bytes, _Search] = defaultdict(_Search)
-    forces.deadline = deadline
-    try:
+    with contextlib.suppress(OutOfTime), forces.until(deadline):
         while count < ITERATIONS:
             parts = [part for part in islands_at(forces, qpos, dofs) if not searches[part.tobytes()].ended]
             if not parts:
@@ -141,8 +141,4 @@ def newton(
                     if not one.accepted:
                         one.judge(force[part])
             qpos = there
-    except OutOfTime:
-        pass
-    finally:
-        forces.deadline = float("inf")
     return best, count

@@ -4,6 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import mujoco
@@ -27,25 +28,18 @@ PUSHED = 1e-3
 
 def refusal(
     model: Any,
-    balance: Balance,
-    qpos: Float[np.ndarray, " nq"],
+    judged: Judged,
     dofs: Int[np.ndarray, " n"],
     counts: dict[str, int],
     ended: MotionEnd,
     start: Float[np.ndarray, " nq"],
+    deadline: float,
 ) -> NotSettled:
     """Why a model does not come to rest, with the best pose found."""
-    best, forces = None, balance.forces
-    late, forces.deadline = forces.deadline, float("inf")
-    judged = Judged.at(balance, qpos, dofs)
-    forces.deadline = late
-    try:
-        best, _ = described(model, judged, dofs, counts, "motion", ended.qpos)
+    best = loose = None
+    with contextlib.suppress(OutOfTime), judged.balance.forces.until(deadline):  # the reason does not need them
+        best, _ = described(model, judged, dofs, counts, "motion")
         loose = _mechanism(judged, start)
-    except OutOfTime:  # the reason does not need it
-        loose = None
-    finally:
-        forces.deadline = float("inf")
 
     def because(case: NoRest, names: tuple[str, ...], rest: str | None = None) -> NotSettled:
         return NotSettled(f"{case.value}: {rest or f'joint {listed(names)}'}", best, case, names)
@@ -66,7 +60,7 @@ def refusal(
     worst = int(np.argmax([state.residual for state in judged.states]))
     state, part = judged.states[worst], judged.islands[worst]
     names = movers(model, judged.spread(worst, state.force / model.dof_M0[part]))
-    belt = _belt(balance, qpos, part)
+    belt = _belt(judged, part)
     if belt is not None:
         return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
     if ended.diverged:
@@ -103,12 +97,10 @@ def _never_resisted(balance: Balance, start: Float[np.ndarray, " nq"], direction
     return bool(forces.net(start).force @ step > 0 and abs(stiffness) <= NEUTRAL)
 
 
-def _belt(
-    balance: Balance, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]
-) -> tuple[str, str] | None:
+def _belt(judged: Judged, dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | None:
     """The bodies of a contact whose surface moves while they are at rest, and which exerts a force on an island."""
-    forces = balance.forces
-    forces.net(qpos)
+    forces = judged.balance.forces
+    forces.net(judged.qpos)
     model, data = forces.model, forces.data
     moves = (data.efc_vel != 0) & (data.efc_force != 0) & np.any(jacobian(model, data)[:, dofs], axis=1)
     moves &= data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)

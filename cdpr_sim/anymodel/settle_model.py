@@ -18,7 +18,7 @@ from cdpr_sim.anymodel.forces import OutOfTime, RestForces, state_of
 from cdpr_sim.anymodel.ignored import free_dofs, names_of_ignored, without
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
-from cdpr_sim.anymodel.motion import STEPS, Motion
+from cdpr_sim.anymodel.motion import STALLS, STEPS, Motion, MotionEnd
 from cdpr_sim.anymodel.names import listed
 from cdpr_sim.anymodel.newton import newton
 from cdpr_sim.anymodel.refusal import refusal
@@ -45,6 +45,9 @@ NUDGES = 3
 
 NUDGE = 0.02
 """[m, rad] The push."""
+
+DISPLACED = 1e-4
+"""[m, rad] Displacement from which time steps must come back where their first end was not yet near enough."""
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
@@ -122,48 +125,59 @@ def _settled(
         counts["newton"] += count
         return end
 
+    def by_motion(motion: Motion, until: float) -> MotionEnd:
+        end = motion.run(
+            tolerance=MOTION_RESIDUAL,
+            steps=most_steps - counts["time steps"],
+            deadline=(time.monotonic() + until) / 2,
+            report=lambda count: say(f"{count} time steps"),
+        )
+        counts["time steps"] += end.steps
+        return end
+
     late = deadline  # of the evidence
     deadline -= (1 - SHARE_OF_SEARCH) * (deadline - time.monotonic())
     if rests(start, RESIDUAL):
-        forces.deadline = late
-        return equilibrium_at(model, balance, start, dofs, counts, "start")
+        return equilibrium_at(model, Judged.at(balance, start, dofs), dofs, counts, "start", late)
     now = time.monotonic()
     alone = by_newton(start, now + SHARE_OF_NEWTON * (deadline - now))
-    alone_rests = rests(alone)
-    qpos, found, nudge = start, None, 0
+    motion, found, nudges = Motion(balance, dofs), None, 0
     while True:
-        forces.data.qpos[:] = qpos
-        ended = Motion(balance, dofs).run(
-            tolerance=MOTION_RESIDUAL,
-            steps=most_steps,
-            deadline=(time.monotonic() + deadline) / 2,
-            report=lambda count: say(f"{count} time steps"),
-        )
-        counts["time steps"] += ended.steps
+        ended = by_motion(motion, deadline)
         polished = by_newton(ended.qpos, deadline)
         if not rests(polished):
+            if ended.reason == STALLS:
+                continue
             break
-        found = polished, ended
-        if nudge == NUDGES or time.monotonic() > deadline:
+        found = Judged.at(balance, polished, dofs)
+        push = _push(found, deadline) if nudges < NUDGES else None
+        if push is None:
             break
-        nudge += 1
-        try:
-            forces.deadline = deadline
-            unstable = Judged.at(balance, polished, dofs).unstable_directions
-        except OutOfTime:
-            break
-        finally:
-            forces.deadline = float("inf")
-        if not unstable:
-            break
-        push = np.sum(unstable, axis=0)
-        qpos = forces.moved(polished, NUDGE * push / np.abs(push).max())
-    forces.deadline = late
-    if found is not None:
-        polished, ended = found
-        return equilibrium_at(
-            model, balance, polished, dofs, counts, "motion", ended.qpos, alone if alone_rests else None
-        )
-    if alone_rests:
-        return equilibrium_at(model, balance, alone, dofs, counts, "newton", ended.qpos, alone)
-    raise refusal(model, balance, polished, dofs, counts, ended, start)
+        nudges += 1
+        forces.data.qpos[:] = forces.moved(polished, NUDGE * push)
+        motion = Motion(balance, dofs)
+    if found is None and not rests(alone):
+        raise refusal(model, Judged.at(balance, polished, dofs), dofs, counts, ended, start, late)
+    if found is None:
+        judged = Judged.at(balance, alone, dofs)
+        return equilibrium_at(model, judged, dofs, counts, "newton", late, [("start", lambda: ended.qpos)])
+
+    def displaced() -> np.ndarray:
+        forces.data.qpos[:] = forces.moved(found.qpos, DISPLACED * found.elastic_direction)
+        return by_motion(Motion(balance, dofs, sticks=True), late).qpos
+
+    others = [("motion", lambda: ended.qpos), ("motion", displaced)]
+    if rests(alone):
+        others.insert(0, ("start", lambda: alone))
+    return equilibrium_at(model, found, dofs, counts, "motion", late, others)
+
+
+def _push(judged: Judged, deadline: float) -> np.ndarray | None:
+    """The largest of a push along unstable directions is 1; None if there are none, or no time to find them."""
+    try:
+        with judged.balance.forces.until(deadline):
+            unstable = judged.unstable_directions
+    except OutOfTime:
+        return None
+    push = np.sum(unstable, axis=0)
+    return push / np.abs(push).max() if unstable else None
