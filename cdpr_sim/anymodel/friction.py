@@ -26,6 +26,9 @@ NOTHING = 1e-9
 SLIDES = 1 - 1e-6
 """Share of a limit from which friction counts as at it, and slides."""
 
+MOST = 400
+"""Rows that carry load, at most: of more, those with the largest limits, which is possible but not the least share."""
+
 RANK = 1e-3
 """Directions that rows of unit length hold with a smaller singular value are free: friction has too short a lever
 there. A box on a plane could otherwise be held against tilting by corners whose heights differ by a micrometre."""
@@ -152,6 +155,9 @@ def hold(
     """The friction that balances the net force of ``dofs`` best, and the directions that it leaves free."""
     lengths = np.linalg.norm(rows.directions[:, dofs] / scale, axis=1)
     touch = lengths > NOTHING * lengths.max(initial=0)
+    if touch.sum() > MOST:
+        force = np.bincount(rows.cones[touch], (lengths * rows.limits)[touch], len(rows.corners))
+        touch &= force[rows.cones] > np.sort(force[rows.cones][touch])[-MOST]
     share, use = np.zeros(len(rows.corners)), np.zeros(len(rows.limits))
     if not touch.any():
         return Held(np.zeros(len(dofs)), use, share, np.diag(1 / scale))

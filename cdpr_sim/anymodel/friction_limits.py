@@ -21,6 +21,9 @@ GAP = 1e-8
 ITERATIONS = 50
 """Of the interior-point method, at most; it needs about fifteen."""
 
+ROUNDING = 1e-6
+"""Accuracy of its other conditions, as a fraction of the largest term."""
+
 BACK, SHORTEST = 0.99, 1e-6
 """Fraction of the way to the limits that a step goes; and of a step, below which rounding ends the search."""
 
@@ -49,75 +52,97 @@ def least_share(
     size = float(np.linalg.norm(load))
     if size == 0:
         return np.zeros(matrix.shape[1])
-    # Largest share, in the first coordinate of each cone; forces in the others. The last cone is s <= 1.
-    slopes, ends = _cones(matrix.shape[1], cones, corners)
-    part = np.hstack([matrix / size, np.zeros((len(load), 1))])
-    curvature, pull = part.T @ part / LEFT, -part.T @ load / size / LEFT
-    pull[-1] = 1.0
-    flat = slopes.reshape(-1, slopes.shape[2])
-    x = np.zeros(slopes.shape[2])
-    x[-1] = 0.5
-    room, dual = ends + slopes @ x, np.zeros_like(ends)
-    dual[:, 0] = np.abs(pull).max()
-    one = np.zeros_like(ends)
-    one[:, 0], length = 1.0, 1.0
+    faces = _Faces(cones, corners)
+    part, aim, rows = matrix / size, load / size, matrix.shape[1]
+    curvature = part.T @ part / LEFT
+    x = np.append(np.zeros(rows), 0.5)  # use, and s
+    room = faces.room(x)
+    dual, one = np.zeros_like(room), np.zeros_like(room)
+    one[:, 0] = 1.0
+    dual[:, 0] = steepest = np.abs(aim @ part).max() / LEFT + 1
     for _ in range(ITERATIONS):
-        slope = curvature @ x + pull - flat.T @ dual.ravel()
-        gap = float((room * dual).sum())
-        value = float(x @ curvature @ x / 2 + pull @ x) + 1 / (2 * LEFT)
-        if length < SHORTEST or (gap < GAP * max(1.0, 100 * value) and np.abs(slope).max() < 1e-6 * np.abs(pull).max()):
+        left = part @ x[:-1] - aim
+        slope = np.append(left @ part / LEFT, 1.0) - faces.gathered(dual)
+        gap, value = float((room * dual).sum()), x[-1] + float(left @ left) / (2 * LEFT)
+        small, rough = gap / max(1.0, 100 * value), np.abs(slope).max() / steepest
+        if small < GAP and (rough < ROUNDING or small < GAP / 1000):
             break
         there, back, inner = _scaling(room, dual)
-        hessian = curvature + flat.T @ (back @ back @ slopes).reshape(flat.shape)
-        hessian[np.diag_indices_from(hessian)] += 1e-14 * np.trace(hessian) / len(hessian)
+        hessian = faces.curvature(back @ back)
+        hessian[:-1, :-1] += curvature
+        hessian[np.diag_indices_from(hessian)] *= 1 + 1e-14
         factor = cho_factor(hessian, check_finite=False)
 
         def step(target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            wanted = _apply(back, _divided(inner, target))
-            along = cho_solve(factor, flat.T @ wanted.ravel() - slope, check_finite=False)
-            opens = slopes @ along
-            return along, opens, wanted - _apply(back, _apply(back, opens))
+            wanted = _apply(back, _divided(inner, target))  # noqa: B023 called in this iteration alone
+            along = cho_solve(factor, faces.gathered(wanted) - slope, check_finite=False)  # noqa: B023
+            opens = faces.room(along, still=True)
+            return along, opens, wanted - _apply(back, _apply(back, opens))  # noqa: B023
 
         _, opens, pulls = step(-_product(inner, inner))
         length = min(1.0, _reach(room, opens), _reach(dual, pulls))
         after = float(((room + length * opens) * (dual + length * pulls)).sum())
-        centre = (after / gap) ** 3 * gap / len(ends)
+        centre = (max(after, 0.0) / gap) ** 3 * gap / len(room)
         both = _product(_apply(back, opens), _apply(there, pulls))
         along, opens, pulls = step(centre * one - _product(inner, inner) - both)
         length = min(1.0, BACK * _reach(room, opens), BACK * _reach(dual, pulls))
-        x = x + length * along
-        room, dual = ends + slopes @ x, dual + length * pulls
-    use = x[:-1]
-    exact = use + np.linalg.lstsq(matrix, load - matrix @ use, rcond=1e-11)[0]
-    return exact if shares(exact, cones, corners).max() <= 1 else use
+        if not length > SHORTEST:
+            break
+        x, dual = x + length * along, dual + length * pulls
+        room = faces.room(x)
+    found = x[:-1]
+    exact = found + np.linalg.lstsq(matrix, load - matrix @ found, rcond=1e-11)[0]
+    return exact if shares(exact, cones, corners).max() <= 1 else found
 
 
-def _cones(
-    rows: int, cones: Int[np.ndarray, " rows"], corners: Bool[np.ndarray, " cones"]
-) -> tuple[Float[np.ndarray, "all width rows_1"], Float[np.ndarray, "all width"]]:
-    """Second-order cones ``ends + slopes @ (use, s)``: of a pyramid, one for each pair of opposite faces."""
-    faces: list[np.ndarray] = []
-    for cone, pyramid in enumerate(corners):
-        here = np.flatnonzero(cones == cone)
-        if not pyramid:
-            faces.append(np.eye(rows)[here])
-            continue
-        for signs in itertools.product((1.0, -1.0), repeat=len(here) - 1):
-            face = np.zeros((1, rows))
-            face[0, here] = (1.0, *signs)
-            faces.append(face)
-    slopes = np.zeros((len(faces) + 1, 1 + max(map(len, faces)), rows + 1))
-    for number, face in enumerate(faces):
-        slopes[number, 1 : 1 + len(face), :-1] = face
-    slopes[:, 0, -1] = 1.0
-    slopes[-1, 0, -1] = -1.0
-    ends = np.zeros(slopes.shape[:2])
-    ends[-1, 0] = 1.0
-    return slopes, ends
+class _Faces:
+    """The second-order cones |matrices @ use| <= s: of a pyramid, one for each pair of opposite faces; and s <= 1."""
+
+    def __init__(self, cones: Int[np.ndarray, " rows"], corners: Bool[np.ndarray, " cones"]) -> None:
+        rows_of = [np.flatnonzero(cones == cone) for cone in range(len(corners))]
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for rows, pyramid in zip(rows_of, corners, strict=True):
+            if pyramid:
+                every = itertools.product((1.0, -1.0), repeat=len(rows) - 1)
+                found += [(rows, np.array([[1.0, *signs]])) for signs in every]
+            else:
+                found.append((rows, np.eye(len(rows))))
+        wide, self.size = max(map(len, rows_of)), len(cones)
+        # Filled up with zeros: of the forces, which then come from s, the last variable; and the last cone is s <= 1.
+        self.rows = np.full((len(found) + 1, wide), self.size)
+        self.matrices = np.zeros((len(found) + 1, max(len(one) for _, one in found), wide))
+        for face, (rows, one) in enumerate(found):
+            self.rows[face, : len(rows)], self.matrices[face, : len(one), : len(rows)] = rows, one
+        self.turned = self.matrices.transpose(0, 2, 1)
+        self.heads = np.append(np.ones(len(found)), -1.0)
+
+    def room(self, x: Float[np.ndarray, " variables"], still: bool = False) -> Float[np.ndarray, "faces width"]:
+        """The point of each cone; ``still``: its change with a change of the variables."""
+        heads = self.heads * x[-1]
+        heads[-1] += 0.0 if still else 1.0
+        return np.hstack([heads[:, None], _apply(self.matrices, x[self.rows])])
+
+    def gathered(self, dual: Float[np.ndarray, "faces width"]) -> Float[np.ndarray, " variables"]:
+        """The transpose of ``room``."""
+        out = np.zeros(self.size + 1)
+        np.add.at(out, self.rows, _apply(self.turned, dual[:, 1:]))
+        out[-1] += self.heads @ dual[:, 0]
+        return out
+
+    def curvature(self, metric: Float[np.ndarray, "faces width width"]) -> Float[np.ndarray, "variables variables"]:
+        """The metric of all points as one of the variables."""
+        out = np.zeros((self.size + 1, self.size + 1))
+        own = self.turned @ metric[:, 1:, 1:] @ self.matrices
+        np.add.at(out, (self.rows[:, :, None], self.rows[:, None]), own)
+        shared = np.zeros(self.size + 1)
+        np.add.at(shared, self.rows, self.heads[:, None] * _apply(self.turned, metric[:, 1:, 0]))
+        out[-1], out[:, -1] = out[-1] + shared, out[:, -1] + shared
+        out[-1, -1] += metric[:, 0, 0].sum()
+        return out
 
 
 def _apply(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    return np.einsum("cij,cj->ci", matrices, vectors)
+    return (matrices @ vectors[:, :, None])[:, :, 0]
 
 
 def _product(one: np.ndarray, two: np.ndarray) -> np.ndarray:
