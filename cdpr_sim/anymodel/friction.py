@@ -83,13 +83,15 @@ class Held:
         force: generalised force on the degrees of freedom asked for, (n,) [N, N m].
         use: force of each row as a fraction of its limit, (rows,); 0 of rows that do not touch them.
         share: of each cone, the share of its limit in use, (cones,).
-        free: directions that it does not hold, in columns.
+        free: directions that it does not hold, in columns: it does not act along them, or is at its limit.
+        apart: directions along which it does not act.
     """
 
     force: Float[np.ndarray, " n"]
     use: Float[np.ndarray, " rows"]
     share: Float[np.ndarray, " cones"]
     free: Float[np.ndarray, "n free"]
+    apart: Float[np.ndarray, "n apart"]
 
     @property
     def largest(self) -> float:
@@ -160,9 +162,9 @@ def hold(
         touch &= force[rows.cones] > np.sort(force[rows.cones][touch])[-MOST]
     share, use = np.zeros(len(rows.corners)), np.zeros(len(rows.limits))
     if not touch.any():
-        return Held(np.zeros(len(dofs)), use, share, np.diag(1 / scale))
+        return Held(np.zeros(len(dofs)), use, share, np.diag(1 / scale), np.diag(1 / scale))
     directions = rows.directions[touch][:, dofs] / scale
-    held, _ = _held_and_free(directions)
+    held, apart = _held_and_free(directions)
     which, cones = np.unique(rows.cones[touch], return_inverse=True)
     corners = rows.corners[which]
     use[touch] = least_share(
@@ -170,7 +172,8 @@ def hold(
     )
     share[which] = found = shares(use[touch], cones, corners)
     _, free = _held_and_free(directions[(found < SLIDES)[cones]])
-    return Held(rows.force(rows.limits * use)[dofs], use, share, free / scale[:, None])
+    force = rows.force(rows.limits * use)[dofs]
+    return Held(force, use, share, free / scale[:, None], apart / scale[:, None])
 
 
 def _held_and_free(

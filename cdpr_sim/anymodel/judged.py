@@ -82,12 +82,13 @@ class Judged:
 
     @property
     def elastic_direction(self) -> Float[np.ndarray, " nv"]:
-        """The sum of the directions in which forces resist, each in equal parts of its largest; its largest part is 1."""
+        """A direction in which forces resist and no friction acts, all its modes in equal parts; its largest part is 1."""
         total = np.zeros(self.balance.forces.model.nv)
-        for island, one in enumerate(self.modes):
-            stiff = one.directions[:, one.eigenvalues > one.floor]
-            if stiff.shape[1]:
-                total += self.spread(island, (stiff / np.abs(stiff).max(axis=0)).sum(axis=1))
+        for island, (one, state) in enumerate(zip(self.modes, self.states, strict=True)):
+            stiff, apart = one.directions[:, one.eigenvalues > one.floor], state.held.apart
+            if stiff.shape[1] and apart.shape[1]:
+                every = (stiff / np.abs(stiff).max(axis=0)).sum(axis=1)
+                total += self.spread(island, apart @ np.linalg.lstsq(apart, every, rcond=None)[0])
         return total / max(float(np.abs(total).max(initial=0.0)), 1e-300)
 
     @property

@@ -42,7 +42,7 @@ NEAR = 0.1
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
-LONG = 60
+LONG = 30
 """Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
 
 LOADED = 1e-6
@@ -72,7 +72,7 @@ SHRINKS, GROWS, CALM = 0.6, 1.3, 40
 QUIET = 200
 """Steps without rattling after which a time step shorter than the model's grows again."""
 
-SHORT = 1 / 50
+SHORT = 1 / 2
 """Shortest time step that rattling leads to, in time steps of the model: contacts may rattle at any."""
 
 SHORTEST = 1 / 2000

@@ -57,12 +57,14 @@ def refusal(
         return because(NoRest.TURNS, joints_of(model, model.jnt_dofadr[list(ended.turning)]))
     if loose is not None:
         return because(NoRest.MECHANISM, movers(model, loose))
+    for part, state in zip(judged.islands, judged.states, strict=True):
+        belt = _belt(judged, part) if state.residual > PUSHED else None
+        if belt is not None:
+            names = joints_of(model, part)
+            return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
     worst = int(np.argmax([state.residual for state in judged.states]))
     state, part = judged.states[worst], judged.islands[worst]
     names = movers(model, judged.spread(worst, state.force / model.dof_M0[part]))
-    belt = _belt(judged, part)
-    if belt is not None:
-        return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
     if ended.diverged:
         return because(NoRest.DIVERGES, names)
     if state.held.largest > SLIDES and ended.reason != TIME_SPENT:

@@ -145,6 +145,8 @@ def _settled(
     while True:
         ended = by_motion(motion, deadline)
         polished = by_newton(ended.qpos, deadline)
+        if not rests(polished) and rests(ended.qpos):
+            polished = ended.qpos
         if not rests(polished):
             if ended.reason == STALLS:
                 continue
