@@ -15,16 +15,18 @@ from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TEN
 
 
 def agreement(judged: Judged, other: Float[np.ndarray, " nq"], newton_from: str) -> ModelAgreement:
-    """Comparison of the pose that was judged with another; along its neutral directions they may differ."""
-    forces, pose, neutral = judged.balance.forces, judged.qpos, judged.neutral_directions
+    """Comparison of the pose that was judged with another.
+
+    Along neutral directions and those that friction holds, equilibria lie side by side: there they may differ.
+    """
+    forces, pose = judged.balance.forces, judged.qpos
     errors = _errors(forces, pose, other)
     reasons = _reasons(errors)
-    if reasons and neutral:
+    if reasons:
         forces.net(pose)
-        directions = np.array(neutral)  # of unit mass
-        apart = forces.between(pose, other)
-        along = directions.T @ (directions @ (forces.mass() @ apart))
-        others = _errors(forces, pose, forces.moved(pose, apart - along))
+        resisting = judged.resisting_directions  # of unit mass
+        along = resisting.T @ (resisting @ (forces.mass() @ forces.between(pose, other)))
+        others = _errors(forces, pose, forces.moved(pose, along))
         if not _reasons(others):
             errors, reasons = others, ()
     return ModelAgreement(not reasons, newton_from, *errors, reasons)

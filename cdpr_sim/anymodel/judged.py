@@ -72,6 +72,16 @@ class Judged:
         ]
 
     @property
+    def resisting_directions(self) -> Float[np.ndarray, "directions nv"]:
+        """Directions in which forces resist or push away, but friction does not hold, in rows; of unit mass."""
+        every = [
+            self.spread(island, one.directions[:, column])
+            for island, one in enumerate(self.modes)
+            for column in np.flatnonzero(np.abs(one.eigenvalues) > one.floor)
+        ]
+        return np.array(every).reshape(len(every), self.balance.forces.model.nv)
+
+    @property
     def unstable_directions(self) -> list[Float[np.ndarray, "..."]]:
         """Directions in which the forces push away, the worst of each island."""
         return [
@@ -82,12 +92,12 @@ class Judged:
 
     @property
     def elastic_direction(self) -> Float[np.ndarray, " nv"]:
-        """A direction in which forces resist and no friction acts, all its modes in equal parts; its largest part is 1."""
+        """A direction in which forces resist and no friction acts, under equal forces on all modes; of largest part 1."""
         total = np.zeros(self.balance.forces.model.nv)
         for island, (one, state) in enumerate(zip(self.modes, self.states, strict=True)):
-            stiff, apart = one.directions[:, one.eigenvalues > one.floor], state.held.apart
-            if stiff.shape[1] and apart.shape[1]:
-                every = (stiff / np.abs(stiff).max(axis=0)).sum(axis=1)
+            resist, apart = one.eigenvalues > one.floor, state.held.apart
+            if resist.any() and apart.shape[1]:
+                every = one.directions[:, resist] @ (1 / one.eigenvalues[resist])
                 total += self.spread(island, apart @ np.linalg.lstsq(apart, every, rcond=None)[0])
         return total / max(float(np.abs(total).max(initial=0.0)), 1e-300)
 

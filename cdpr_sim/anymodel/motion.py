@@ -108,18 +108,21 @@ class MotionEnd:
 
 
 class Motion:
-    """Time steps of a model with kinetic damping, from the pose of ``balance.forces``.
+    """Time steps of a model with kinetic damping, from a pose.
 
     Friction holds from the beginning if ``sticks``; otherwise once it could for some time.
     """
 
-    def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"], sticks: bool = False) -> None:
+    def __init__(
+        self, balance: Balance, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"], sticks: bool = False
+    ) -> None:
         self.balance = balance
         self.model = model = copy.copy(balance.forces.model)
         if model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data = mujoco.MjData(model)
         write_state(self.data, balance.forces.data)
+        self.data.qpos[:] = qpos
         self.applied = self.data.qfrc_applied.copy()
         self.first = float(model.opt.timestep)
         references = np.concatenate([model.geom_solref, model.jnt_solref, model.eq_solref, model.tendon_solref_lim])
@@ -270,7 +273,9 @@ class Motion:
         moved = data.xipos - self.start_positions
         away = np.linalg.norm(moved, axis=1) > FAR * self.extent
         gravity = model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
-        away &= ~(moved @ gravity < -0.5 * np.linalg.norm(moved, axis=1))  # what was thrown up comes back
+        touched = self.touched[np.maximum(model.body_treeid, 0)]
+        along = np.where(touched | ~gravity.any(), -0.5, 0.5)  # what was thrown up or aside comes back
+        away &= moved @ gravity >= along * np.linalg.norm(moved, axis=1)
         trees = np.unique(model.body_treeid[away & (model.body_treeid >= 0)])
         trees = trees[[bool(self.active[model.dof_treeid == tree].any()) for tree in trees]]
         hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)

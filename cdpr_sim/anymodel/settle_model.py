@@ -141,7 +141,7 @@ def _settled(
         return equilibrium_at(model, Judged.at(balance, start, dofs), dofs, counts, "start", late)
     now = time.monotonic()
     alone = by_newton(start, now + SHARE_OF_NEWTON * (deadline - now))
-    motion, found, nudges = Motion(balance, dofs), None, 0
+    motion, found, nudges = Motion(balance, start, dofs), None, 0
     while True:
         ended = by_motion(motion, deadline)
         polished = by_newton(ended.qpos, deadline)
@@ -156,8 +156,7 @@ def _settled(
         if push is None:
             break
         nudges += 1
-        forces.data.qpos[:] = forces.moved(polished, NUDGE * push)
-        motion = Motion(balance, dofs)
+        motion = Motion(balance, forces.moved(polished, NUDGE * push), dofs)
     if found is None and not rests(alone):
         raise refusal(model, Judged.at(balance, polished, dofs), dofs, counts, ended, start, late)
     if found is None:
@@ -165,8 +164,8 @@ def _settled(
         return equilibrium_at(model, judged, dofs, counts, "newton", late, [("start", lambda: ended.qpos)])
 
     def displaced() -> np.ndarray:
-        forces.data.qpos[:] = forces.moved(found.qpos, DISPLACED * found.elastic_direction)
-        return by_motion(Motion(balance, dofs, sticks=True), late).qpos
+        there = forces.moved(found.qpos, DISPLACED * found.elastic_direction)
+        return by_motion(Motion(balance, there, dofs, sticks=True), late).qpos
 
     others = [("motion", lambda: ended.qpos), ("motion", displaced)]
     if rests(alone):
