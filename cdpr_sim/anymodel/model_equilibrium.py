@@ -52,7 +52,9 @@ class ModelAgreement:
 
     Attributes:
         agrees: whether both found this equilibrium, within the tolerances of ``compare``.
-        newton_from: where Newton's method began: "start", or "motion" for the end of the time steps.
+        newton_from: "start" if each way began at the start; "motion" if Newton's method began at the end of the time
+            steps; "beside" if time steps began again a micrometre beside the result. The last shows that the model
+            stays there, not that two ways lead to it: with loaded friction, equilibria lie side by side.
         position_error: largest distance between a body's two positions [m]; bodies that move in neutral directions too.
         rotation_error: largest angle between a body's two orientations [rad].
         tension_error: largest difference of a tendon's tension [N].

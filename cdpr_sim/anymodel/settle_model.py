@@ -46,8 +46,10 @@ NUDGES = 3
 NUDGE = 0.02
 """[m, rad] The push."""
 
-DISPLACED = 1e-4
-"""[m, rad] Displacement from which time steps must come back where their first end was not yet near enough."""
+BESIDE = 1e-6
+"""[m, rad] Distance from the result at which time steps begin again, where neither way found it by itself. It is the
+tolerance of the position, so that it shows that the model stays there, and no more: loaded friction lets equilibria lie
+side by side, and from 1e-5 the motion ends in another."""
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
@@ -163,11 +165,11 @@ def _settled(
         judged = Judged.at(balance, alone, dofs)
         return equilibrium_at(model, judged, dofs, counts, "newton", late, [("start", lambda: ended.qpos)])
 
-    def displaced() -> np.ndarray:
-        there = forces.moved(found.qpos, DISPLACED * found.elastic_direction)
+    def beside() -> np.ndarray:
+        there = forces.moved(found.qpos, BESIDE * found.elastic_direction)
         return by_motion(Motion(balance, there, dofs, sticks=True), late).qpos
 
-    others = [("motion", lambda: ended.qpos), ("motion", displaced)]
+    others = [("motion", lambda: ended.qpos), ("beside", beside)]
     if rests(alone):
         others.insert(0, ("start", lambda: alone))
     return equilibrium_at(model, found, dofs, counts, "motion", late, others)
