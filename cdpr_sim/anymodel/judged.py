@@ -92,7 +92,7 @@ class Judged:
 
     @property
     def elastic_direction(self) -> Float[np.ndarray, " nv"]:
-        """A direction in which forces resist and no friction acts, under equal forces on all modes; of largest part 1."""
+        """A direction in which forces resist and no friction acts: equal forces on all modes; its largest part is 1."""
         total = np.zeros(self.balance.forces.model.nv)
         for island, (one, state) in enumerate(zip(self.modes, self.states, strict=True)):
             resist, apart = one.eigenvalues > one.floor, state.held.apart

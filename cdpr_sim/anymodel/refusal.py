@@ -44,6 +44,11 @@ def refusal(
     def because(case: NoRest, names: tuple[str, ...], rest: str | None = None) -> NotSettled:
         return NotSettled(f"{case.value}: {rest or f'joint {listed(names)}'}", best, case, names)
 
+    for part, state in zip(judged.islands, judged.states, strict=True):
+        belt = _belt(judged, part) if state.residual > PUSHED else None
+        if belt is not None:
+            names = joints_of(model, part)
+            return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
     for trees, case, why in (
         (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
         (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
@@ -57,11 +62,6 @@ def refusal(
         return because(NoRest.TURNS, joints_of(model, model.jnt_dofadr[list(ended.turning)]))
     if loose is not None:
         return because(NoRest.MECHANISM, movers(model, loose))
-    for part, state in zip(judged.islands, judged.states, strict=True):
-        belt = _belt(judged, part) if state.residual > PUSHED else None
-        if belt is not None:
-            names = joints_of(model, part)
-            return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
     worst = int(np.argmax([state.residual for state in judged.states]))
     state, part = judged.states[worst], judged.islands[worst]
     names = movers(model, judged.spread(worst, state.force / model.dof_M0[part]))
