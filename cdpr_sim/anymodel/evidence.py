@@ -14,11 +14,12 @@ from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.agreement import agreement
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, write_state
+from cdpr_sim.anymodel.friction import jacobian
 from cdpr_sim.anymodel.friction_limits import shares
 from cdpr_sim.anymodel.islands import coordinates_of
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ContactForce, ModelAgreement, ModelEquilibrium, NoRest
-from cdpr_sim.anymodel.names import movers, name_of
+from cdpr_sim.anymodel.names import joints_of, movers, name_of
 from cdpr_sim.anymodel.tendons import tendon_tensions
 from cdpr_sim.core.equilibrium import NotSettled, Stability
 
@@ -59,7 +60,7 @@ def equilibrium_at(
         others: poses of the other way, until one agrees: where Newton's method began, and what finds the pose.
 
     Raises:
-        NotSettled: it moves all the same: friction creeps too fast, or an oscillation grows.
+        NotSettled: it moves all the same: friction creeps too fast, a surface drives it, or an oscillation grows.
     """
     try:
         with judged.balance.forces.until(deadline):
@@ -81,6 +82,13 @@ def equilibrium_at(
             f"{NoRest.SLIDES.value}: friction could hold, but after 0.5 s it moves at {found.creep:.2g} m/s or rad/s"
         )
         raise NotSettled(reason, found, NoRest.SLIDES)
+    for part in judged.islands:
+        belt = belt_of(judged, part) if found.creep > GROWS[0] else None
+        if belt is not None:
+            reason = (
+                f"{NoRest.BELT.value}: forces balance, but by the contact of {belt[0]} and {belt[1]} it moves on at"
+            )
+            raise NotSettled(f"{reason} {found.creep:.2g} m/s or rad/s", found, NoRest.BELT, joints_of(model, part))
     if found.growth > 0 and found.stability is not Stability.UNSTABLE:
         reason = f"{NoRest.LIMIT_CYCLE.value}: oscillations grow at {found.growth:.2g} 1/s"
         raise NotSettled(reason, found, NoRest.LIMIT_CYCLE, judged.growing)
@@ -138,6 +146,19 @@ def described(
         notes=tuple(notes),
     )
     return found, half
+
+
+def belt_of(judged: Judged, dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | None:
+    """The bodies of a contact whose surface moves while they are at rest, and which exerts a force on an island."""
+    forces = judged.balance.forces
+    forces.net(judged.qpos)
+    model, data = forces.model, forces.data
+    moves = (data.efc_vel != 0) & (data.efc_force != 0) & np.any(jacobian(model, data)[:, dofs], axis=1)
+    moves &= data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
+    for number in data.efc_id[moves]:
+        one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in data.contact[number].geom)
+        return one, two
+    return None
 
 
 def softened(model: Any) -> bool:

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.balance import Balance
-from cdpr_sim.anymodel.evidence import described
+from cdpr_sim.anymodel.evidence import belt_of, described
 from cdpr_sim.anymodel.forces import OutOfTime
-from cdpr_sim.anymodel.friction import SLIDES, jacobian
+from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import NoRest
 from cdpr_sim.anymodel.motion import TIME_SPENT, MotionEnd
@@ -45,7 +45,7 @@ def refusal(
         return NotSettled(f"{case.value}: {rest or f'joint {listed(names)}'}", best, case, names)
 
     for part, state in zip(judged.islands, judged.states, strict=True):
-        belt = _belt(judged, part) if state.residual > PUSHED else None
+        belt = belt_of(judged, part) if state.residual > PUSHED else None
         if belt is not None:
             names = joints_of(model, part)
             return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
@@ -97,16 +97,3 @@ def _never_resisted(balance: Balance, start: Float[np.ndarray, " nq"], direction
     ahead, behind = forces.net(forces.moved(start, step)), forces.net(forces.moved(start, -step))
     stiffness = (behind.force - ahead.force) @ step / (2 * STEP**2)
     return bool(forces.net(start).force @ step > 0 and abs(stiffness) <= NEUTRAL)
-
-
-def _belt(judged: Judged, dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | None:
-    """The bodies of a contact whose surface moves while they are at rest, and which exerts a force on an island."""
-    forces = judged.balance.forces
-    forces.net(judged.qpos)
-    model, data = forces.model, forces.data
-    moves = (data.efc_vel != 0) & (data.efc_force != 0) & np.any(jacobian(model, data)[:, dofs], axis=1)
-    moves &= data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
-    for number in data.efc_id[moves]:
-        one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in data.contact[number].geom)
-        return one, two
-    return None
