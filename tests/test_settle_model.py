@@ -134,6 +134,30 @@ def test_data_of_another_model_is_refused():
             ask(model, other)
 
 
+@pytest.mark.parametrize("field", ["qpos", "ctrl", "qfrc_applied"])
+def test_a_state_that_is_not_finite_is_refused(field):
+    """By its name, before any search."""
+    model = model_of(PENDULUM.format(joint=""), '<actuator><motor joint="hinge"/></actuator>')
+    data = mujoco.MjData(model)
+    getattr(data, field)[:] = np.nan
+    for ask in (cdpr.settle_model, cdpr.diagnose_model, lambda model, data: cdpr.holding_controls(model, [0.0], data)):
+        with pytest.raises(cdpr.InvalidInput, match=f"^data: found {field} that is not finite"):
+            ask(model, data)
+
+
+BELT = """<geom name="belt" type="plane" size="1 1 .1"{}/>
+<body name="box" pos="0 0 .1"><freejoint name="box"/><geom type="box" size=".1 .1 .1" mass="1"/></body>"""
+
+
+def test_a_belt_drives_a_box_for_ever():
+    """By its name, not as an equilibrium or a failure; with a surface that stands still, the box rests."""
+    with pytest.raises(cdpr.NotSettled, match="driven for ever by a surface that moves") as caught:
+        cdpr.settle_model(model_of(BELT.format(' surfacevel="1 0 0"')))
+    assert caught.value.case is cdpr.NoRest.BELT
+    assert caught.value.joints == ("box",)
+    assert needed(model := model_of(BELT.format("")), cdpr.settle_model(model)) < JUDGED
+
+
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
 def test_friction_holds_a_box_on_a_slope_with_the_share_of_coulombs_law(cone):
     """Slope over coefficient: 0.4 / 0.5; MuJoCo's own friction creeps there, and the result says so."""

@@ -128,7 +128,7 @@ def state_of(model: Any, data: Any = None, ctrl: ArrayLike | None = None) -> Any
     """A new ``MjData`` with what the forces at rest depend on: that of ``data``, with these controls if given.
 
     Raises:
-        InvalidInput: the data of another model, or controls of another number.
+        InvalidInput: the data of another model or one that is not finite, or controls of another number.
     """
     state = mujoco.MjData(model)
     if data is not None:
@@ -137,6 +137,8 @@ def state_of(model: Any, data: Any = None, ctrl: ArrayLike | None = None) -> Any
             if found != expected:
                 what = "a pose" if name == "qpos" else name
                 raise InvalidInput(f"data: found {what} of {found} numbers, expected that of the model, {expected}")
+            if not np.isfinite(getattr(data, name)).all():
+                raise InvalidInput(f"data: found {name} that is not finite, expected finite numbers")
         write_state(state, data)
     if ctrl is not None:
         state.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))
