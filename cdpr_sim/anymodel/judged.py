@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -141,6 +142,6 @@ def growth(forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndar
     c, k = stiff.T @ damping / (2 * STEP), stiff.T @ found.stiffness @ stiff
     size = len(mass)
     solved = np.linalg.solve(mass, np.hstack([-k, -c]))
-    roots = eigvals(np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), solved]))
+    roots: Any = eigvals(np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), solved]))
     rounding = 1e-6 * float(np.abs(roots).max())
     return float(max(roots.real.max(), 0.0)) if roots.real.max() > rounding else min(0.0, float(roots.real.max()))
