@@ -116,8 +116,5 @@ from .statics.newton import solve_many as solve_many
 from .statics.newton import solve_trajectory as solve_trajectory
 from .statics.solve import solve as solve
 from .statics.solve_path import solve_path as solve_path
-from .studies.gallery import PICTURES as PICTURES
-from .studies.gallery import list_figures as list_figures
-from .studies.gallery import write_figures as write_figures
 
 __version__: str

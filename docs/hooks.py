@@ -23,7 +23,7 @@ LINK = re.compile(r"(?<=\]\()(?!\w+:|#)([^)#\s]+)")
 SHIM = "https://unpkg.com/iframe-worker/shim"
 """The web worker that the search needs on pages opened from a disk."""
 
-PAGES = ("CONTRIBUTING.md", "CHANGELOG.md", "problems/README.md")
+PAGES = ("CONTRIBUTING.md", "CHANGELOG.md", "cdpr_sim/crosscheck/problems/README.md")
 """Files outside of docs/ that are pages of the manual as well."""
 
 

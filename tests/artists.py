@@ -1,11 +1,13 @@
 """A figure as text: all that is drawn, in data coordinates, with colours by the names that ``style`` gives them.
 
-Nothing in it depends on fonts or on where things are put on the page.
+With widths of lines, sizes, which is in front, alignments, the grid of panels and the view of axes in space. Nothing in
+it depends on the widths of letters, or on where the layout puts what.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection, QuadMesh
 from matplotlib.colors import ListedColormap, to_hex
@@ -71,10 +73,16 @@ def described(line: Line2D) -> str:
     """By which a reader tells one series from another."""
     how = []
     if line.get_linestyle() != "None":
-        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-")]
+        how += [color(line.get_color()), str(line._unscaled_dash_pattern[1] or "-"), f"w{line.get_linewidth():g}"]
     if line.get_marker() not in ("None", "", None):
-        how.append(f"{line.get_marker()} of {color(line.get_mec())} in {color(line.get_mfc())}")
-    return ", ".join(how)
+        fill, edge = color(line.get_mfc()), f"{color(line.get_mec())} w{line.get_mew():g}"
+        how.append(f"{line.get_marker()} of {edge} in {fill}, size{line.get_ms():g}")
+    return ", ".join(how) + in_front(line)
+
+
+def in_front(one: Artist) -> str:
+    """The order of drawing, where it is not the usual one of its kind."""
+    return f" z{one.get_zorder():g}" if one.get_zorder() != type(one).zorder else ""
 
 
 def _line(line: Line2D) -> str:
@@ -88,7 +96,8 @@ def _line(line: Line2D) -> str:
 
 
 def _fill(patch: Patch) -> str:
-    return f"{color(patch.get_facecolor())} in {color(patch.get_edgecolor())}{patch.get_hatch() or ''}"
+    edge = f"{color(patch.get_edgecolor())} w{patch.get_linewidth():g}"
+    return f"{color(patch.get_facecolor())} in {edge}{patch.get_hatch() or ''}{in_front(patch)}"
 
 
 def _patch(patch: Patch) -> str:
@@ -119,23 +128,34 @@ def _collection(one: Collection) -> str:
     for colors in (one.get_facecolor(), one.get_edgecolor()):
         names = list(dict.fromkeys(map(color, colors)))
         shown.append(" ".join(names) if len(names) < 6 else "several")
+    widths = sorted({float(width) for width in np.atleast_1d(one.get_linewidth())})
+    shown[-1] += "".join(f" w{width:g}" for width in widths) + in_front(one)
     if getattr(one, "labelTexts", ()):  # it is cut where they are written
         return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"
     return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
 
 
 def _text(text: Text, ax: Axes) -> str:
-    at = ""
     if isinstance(text, Text3D):
         at = numbers(text.get_position_3d())
     elif isinstance(text, Annotation):
-        at = numbers(text.xy) if text.xycoords == "data" else ""
-    elif text.get_transform() == ax.transData:
-        at = numbers(text.get_position())
-    return f"text “{text.get_text()}” {color(text.get_color())} {at}"
+        at = f"{numbers(text.get_position())} {text.anncoords} of {numbers(text.xy)} {text.xycoords}"
+    else:
+        at = numbers(text.get_position()) + (" of axes" if text.get_transform() == ax.transAxes else "")
+    return f"text “{text.get_text()}” {lettered(text)}: {at}"
+
+
+def lettered(text: Text) -> str:
+    """Colour, size, which point of it is placed, and what is unusual."""
+    how = f"{color(text.get_color())} size{text.get_fontsize():g} {text.get_ha()} {text.get_va()}{in_front(text)}"
+    how += f" {text.get_weight()}" if text.get_weight() != "normal" else ""
+    how += f" turned {text.get_rotation():g}°" if text.get_rotation() else ""
+    box = text.get_bbox_patch()
+    return how + (f" on {_fill(box)}" if box is not None else "")
 
 
 def _legend(one: Legend) -> Iterator[str]:
+    yield f"legend at {one._loc}, {one._ncols} columns, size{one.get_texts()[0].get_fontsize():g}{in_front(one)}"
     for word, artist in zip(one.get_texts(), one.legend_handles, strict=True):
         how = _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
         if isinstance(artist, Line2D):
@@ -153,9 +173,29 @@ def _axis(ax: Axes, name: str) -> str:
     return words
 
 
+def _placed(ax: Axes) -> Iterator[str]:
+    """Its place among the panels, its title's size, its aspect, its frame, and from where it is seen."""
+    if (spec := ax.get_subplotspec()) is not None:
+        grid = spec.get_gridspec()
+        ratios = [[f"{one:.5g}" for one in some] for some in (grid.get_width_ratios(), grid.get_height_ratios())]
+        yield f"rows {spec.rowspan.start}-{spec.rowspan.stop}, columns {spec.colspan.start}-{spec.colspan.stop}"
+        yield f"of {' '.join(ratios[0])} × {' '.join(ratios[1])},"
+    elif ax.get_axes_locator() is None:
+        yield f"at {numbers(ax.get_position().bounds)},"
+    yield f"aspect {ax.get_aspect()}"
+    yield from (
+        f"{text.get_va()} size{text.get_fontsize():g}" for text in (ax.title, ax._left_title) if text.get_text()
+    )
+    if ax.name == "3d":
+        yield f"from {ax.elev:g}° {ax.azim:g}°, box {numbers(ax._box_aspect)}"
+    else:
+        yield "".join(side[0] for side, spine in ax.spines.items() if spine.get_visible())
+
+
 def _axes(ax: Axes) -> Iterator[str]:
     titles = " / ".join(filter(None, (ax.get_title(where) for where in ("left", "center"))))
     yield f"AXES {ax.get_label() or ''} {titles}"
+    yield " ".join(_placed(ax))
     if getattr(ax, "_axis3don", ax.axison):
         yield from (_axis(ax, name) for name in ("xyz" if ax.name == "3d" else "xy"))
     yield from map(_line, ax.lines)
@@ -171,7 +211,6 @@ def _axes(ax: Axes) -> Iterator[str]:
         for row in sorted({row for row, _ in cells}):
             yield "row " + " | ".join(cells[place].get_text().get_text() for place in sorted(cells) if place[0] == row)
     if ax.get_legend() is not None:
-        yield "legend"
         yield from _legend(ax.get_legend())
     for inset in ax.child_axes:
         yield "inset"
@@ -182,9 +221,10 @@ def text_of(figure: Figure) -> str:
     """All of it; words without their line breaks, which depend on the width of letters."""
     lines = [figure.get_suptitle(), figure.get_supxlabel()]
     others = [text for text in figure.texts if text.get_text() not in lines]
-    lines += [f"text “{text.get_text()}” {color(text.get_color())}" for text in others]
+    lines += [f"{numbers(figure.get_size_inches())} inches"]
+    lines += [f"text “{text.get_text()}” {lettered(text)}: {numbers(text.get_position())}" for text in others]
     for one in figure.legends:
-        lines += ["legend", *_legend(one)]
+        lines += _legend(one)
     for ax in figure.axes:
         lines += ["", *_axes(ax)]
     return "\n".join(line.replace("\n", " ") for line in lines)

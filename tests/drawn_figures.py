@@ -14,14 +14,23 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+import compensation
+import controller_comparison
+import controllers
+import fully_constrained
+import lines
+import paper_figures
+import real_cables
+import solvers
+import tilt_condition
+import two_cable
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.design.layout_equilibria import Cases
 from cdpr_sim.drawing import maps, path_maps, still
-from cdpr_sim.studies import better_layouts, gallery, lines, pretension, real_cables, solvers, tilt_condition, two_cable
-from studies import compensated_line, compensation_figures, controller_comparison, controller_comparison_figures
+from cdpr_sim.report import layout_pictures
 
 UP = (0.0, 0.0, 1.0)
 
@@ -131,26 +140,27 @@ def agreements(*verdicts: cdpr.Verdict) -> dict[str, list[cdpr.Agreement]]:
 AGREE, NEUTRAL, DISAGREE = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL, cdpr.Verdict.DISAGREE
 
 
-def stretched() -> pretension.Pretension:
+def stretched() -> fully_constrained.Pretension:
     """Its largest tensions are as given; cables 5 and 6 are slack where it is drawn."""
     robot, random = cdpr.load_robot("ipanema-1"), np.random.default_rng(3)
 
-    def some(seed: int, values: np.ndarray, largest: np.ndarray) -> pretension.Series:
+    def some(seed: int, values: np.ndarray, largest: np.ndarray) -> fully_constrained.Series:
         both = []
         for step in (1, 2):
             count = len(values[::step])
             found = rests(seed + step, robot, np.tile(robot.home, (count, 1)), [(1, 3)])
             pulls = found.tensions * (largest[:count] / found.tensions.max(-1))[:, None]
             both.append(dataclasses.replace(found, tensions=pulls))
-        return pretension.Series(values, 2, *both)
+        return fully_constrained.Series(values, 2, *both)
 
     sizes, errors = np.array([80.0, 150.0, 300.0, 600.0]), np.linspace(-0.01, 0.01, 5)
     largest = np.array([1200.0, 700, 300, 400, 500])
-    return pretension.Pretension(
-        some(10, sizes, sizes), {what: some(20 + 10 * i, sizes, sizes) for i, what in enumerate(pretension.PUSHES)},
-        dict(zip(pretension.PUSHES, (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)),
+    return fully_constrained.Pretension(
+        some(10, sizes, sizes),
+        {what: some(20 + 10 * i, sizes, sizes) for i, what in enumerate(fully_constrained.PUSHES)},
+        dict(zip(fully_constrained.PUSHES, (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)),
         {cable: some(90 + 10 * cable, errors, largest * (1 - cable / 10))
-         for cable in (pretension.ABOVE, pretension.BELOW)},
+         for cable in (fully_constrained.ABOVE, fully_constrained.BELOW)},
         np.sort(random.uniform(1e3, 2e3, 6)), rests(4, robot, robot.home[None], [(0, 4), (0, 5)]),
     )  # fmt: skip
 
@@ -190,7 +200,7 @@ AWAY = {"before": (4e-3, 7e-3), "after": (1e-4, 3e-4), "settled_before": (5e-3, 
 """[m] Of a line with and without compensation, at its two poses; ten times as many radians about y."""
 
 
-def compensated(exact: bool) -> compensated_line.CompensatedLine:
+def compensated(exact: bool) -> compensation.CompensatedLine:
     robot, poses = cdpr.load_robot("cogiro"), [(0.3, 0.25, 0.1), (0.4, 0.25, 0.1)]
     found = [cdpr.solve(robot, pose) for pose in poses]
 
@@ -204,7 +214,7 @@ def compensated(exact: bool) -> compensated_line.CompensatedLine:
     each = [SimpleNamespace(commanded=one.problem.pose, exact=exact or n == 0) for n, one in enumerate(found)]
     kinds = list(AWAY)[: 4 if exact else 5]
     before, after, settled_before, settled_after, *only = map(shifted, kinds)
-    return compensated_line.CompensatedLine(
+    return compensation.CompensatedLine(
         "exact" if exact else "not", before, after, settled_before, settled_after, each, *only
     )
 
@@ -252,8 +262,8 @@ AXES = {"x": np.array([0.5, 1.5]), "y": np.zeros(1), "z": np.array([0.5, 1.5, 2.
 
 def picture(*args) -> Figure:
     values = lambda _, robot, __: MAPS / (1 + (robot is not GIVEN))  # noqa: E731
-    with changed(better_layouts, objective_map=values, plane=lambda *_: AXES):
-        return better_layouts.picture(validation(*args))
+    with changed(layout_pictures, objective_map=values, plane=lambda *_: AXES):
+        return layout_pictures.picture(validation(*args))
 
 
 LEAST = np.array([[0.004, 0.012, 0.006], [0.0125, np.nan, 0.020]])
@@ -265,8 +275,8 @@ def distances(enough: float) -> Figure:
         least=LEAST[None], fitting=0.0, free=lambda enough: enough < LEAST, nearest=lambda index: str(index)
     )
     axes = {"x": np.zeros(1), "y": np.array([0.5, 1.5]), "z": np.array([0.5, 1.5, 2.5])}
-    with changed(better_layouts, plane=lambda *_: axes, clearances=lambda *_, **__: found):
-        return better_layouts.clearance_map(cdpr.load_robot("parallel"), "yz", None, enough, None)
+    with changed(layout_pictures, plane=lambda *_: axes, clearances=lambda *_, **__: found):
+        return layout_pictures.clearance_map(cdpr.load_robot("parallel"), "yz", None, enough, None)
 
 
 @functools.cache
@@ -304,7 +314,7 @@ def thin(at: float = 0.3):
 
 
 def pretensioned():
-    """With forces that some poses can resist, and a pretension."""
+    """With forces that some poses can resist, and a fully_constrained."""
     data = swept("cogiro", margin=False)
     return data.assign(wrench_feasible=~data["feasible"]).assign_coords(pretension=("robot", [120.0]))
 
@@ -345,7 +355,7 @@ def sheet() -> Figure:
 def front() -> Figure:
     one, confirmed = np.array([[2.0, 10.0], [1.0, 30.0]]), np.array([[2.1, 11.0], [1.1, 31.0]])
     both = [("first", one), ("second", one + 1)]
-    return better_layouts.draw_front(both, ("tilt [°]", "size [mm]"), "title", "caption", (5.0, 50.0), confirmed)
+    return layout_pictures.draw_front(both, ("tilt [°]", "size [mm]"), "title", "caption", (5.0, 50.0), confirmed)
 
 
 STUDIES: dict[str, Callable] = {
@@ -369,14 +379,19 @@ STUDIES: dict[str, Callable] = {
     "real-cables": properties,
     "fully-constrained": stretched,
 }
-"""Made-up results of every study of the gallery."""
+"""Made-up results of every study."""
 
 made = functools.cache(lambda name: STUDIES[name]())
 
 
+DRAWN = {name: picture.draw for name, picture in paper_figures.PICTURES.items()} | {
+    "real-cables": real_cables.draw_real_cables, "fully-constrained": fully_constrained.draw_pretension,
+}  # fmt: skip
+
+
 def in_gallery(name: str) -> Figure:
     with changed(two_cable, SURFACE=(10, 7)), changed(real_cables, cable_profiles=profiles):
-        return gallery.PICTURES[name].draw(made(name))
+        return DRAWN[name](made(name))
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
@@ -384,14 +399,14 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "agreement where they disagree": lambda: solvers.draw_agreement(agreements(NEUTRAL, DISAGREE, AGREE)),
     "agreement where they agree": lambda: solvers.draw_agreement(agreements(AGREE, AGREE)),
     "agreement where some disagree": lambda: solvers.draw_agreement(agreements(AGREE, DISAGREE)),
-    "compensation": lambda: compensation_figures.draw_compensation([compensated(True), compensated(False)]),
-    "controllers": lambda: controller_comparison_figures.controllers(runs()),
+    "compensation": lambda: compensation.draw_compensation([compensated(True), compensated(False)]),
+    "controllers": lambda: controllers.controllers(runs()),
     "better layout": picture,
     "better layout of exits alone": lambda: picture("worst deviation", GIVEN.replace(exits=MOVED.exits)),
     "distances": lambda: distances(0.005),
     "distances of which none is too small": lambda: distances(0.0),
     "front": front,
-    "front of a design": lambda: better_layouts.pareto_picture(made_up.front()),
+    "front of a design": lambda: layout_pictures.pareto_picture(made_up.front()),
     "maps": lambda: maps.draw_elastic_map(swept("parallel", "cogiro", materials=("vectran-0.7mm", "fishing-0.4mm"))),
     "maps of one robot": lambda: maps.draw_elastic_map(swept("cogiro", margin=False)),
     "maps of a line": lambda: maps.draw_elastic_map(thin()),

@@ -87,7 +87,7 @@ def test_every_property_vanishes_smoothly(name, beside) -> None:
 @pytest.mark.parametrize("make", [random_robot_with_mass, random_mixed_robot])
 def test_random_robots_rest_where_forces_balance(make) -> None:
     """Masses, or wheels, masses, laws and drive lines in any mixture: the platform is balanced, and returns."""
-    for seed in range(30):  # ``scripts/stress_test_real_cables.py`` tries 10,000
+    for seed in range(30):  # ``scripts/research/stress_test_real_cables.py`` tries 10,000
         robot, position, rest, wrench = make(seed)
         one = cdpr.solve_many(robot, position[None], rest, external_wrench=wrench)[0]
         assert unbalanced(one) <= BALANCED, seed

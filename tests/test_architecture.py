@@ -3,9 +3,10 @@
 import ast
 import functools
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -15,15 +16,19 @@ import pytest
 import typechecker
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.property import REQUIRED
 from cdpr_sim.physics import dynamic_relaxation
 
 PACKAGE = Path(cdpr.__file__).parent
-BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
-"""Studies that only scripts run: they use the package, which does not know them."""
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+"""They use the package, which does not know them."""
+
+SCRIPT_FOLDERS = ("figures", "research", "benchmarks", "dev")
 
 FOLDERS = (
     "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "anymodel", "proof", "crosscheck",
-    "drawing", "learning", "studies", "report", "cli",
+    "drawing", "learning", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
 
@@ -51,6 +56,22 @@ BEYOND = {
 }
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo and
 the proof say by their own means."""
+
+CABLE_ROOMS = {
+    "statics.any_cable", "statics.cable_kernel", "statics.derivatives", "statics.memory_kernel", "statics.memory_law",
+    "physics.chains", "physics.pulleys", "physics.rope_memory", "physics.tendons", "proof.cables",
+}  # fmt: skip
+"""What a cable does, in the terms of each method."""
+
+CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as_json", "report.model_tables"}
+"""They name the creep of MuJoCo's constraints."""
+
+NAME_A_PROPERTY = {
+    "analysis.workspace.sweep", "jax", "physics.batch", "physics.release", "physics.rope_motion",
+    "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
+    "physics.winches",
+}  # fmt: skip
+"""Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 
 HEAVY = {
     "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
@@ -83,9 +104,9 @@ def trees() -> dict[str, ast.Module]:
 
 
 @functools.cache
-def studies() -> dict[str, ast.Module]:
-    """The same of the studies beside the package."""
-    return {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in BESIDE.glob("*.py")}
+def scripts() -> dict[str, ast.Module]:
+    """The same of the scripts; they import each other by name, from one folder."""
+    return {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in SCRIPTS.rglob("*.py")}
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -113,9 +134,9 @@ def anywhere() -> dict[str, set[str]]:
 
 
 @functools.cache
-def in_studies() -> dict[str, set[str]]:
-    """The same of the studies beside the package."""
-    return {study: imports(ast.walk(tree)) for study, tree in studies().items()}
+def in_scripts() -> dict[str, set[str]]:
+    """The same of the scripts."""
+    return {script: imports(ast.walk(tree)) for script, tree in scripts().items()}
 
 
 @functools.cache
@@ -139,6 +160,22 @@ def test_every_module_lives_in_a_folder_of_the_flow():
         assert ast.get_docstring(ast.parse(init.read_text(encoding="utf-8"))), init
 
 
+def test_contributing_has_the_rooms_and_their_flow():
+    """One table of at most fourteen folders, in the order of the flow; in the picture data goes to the right."""
+    page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = [room for room in FOLDERS if (PACKAGE / room).is_dir()]
+    assert re.findall(r"^\| `([a-z]+)/` \|", page, re.MULTILINE) == rooms
+    assert len(rooms) <= 14
+    picture = page.partition("```text\n")[2].partition("```")[0]
+    places = {
+        one[0]: one.start() for line in picture.splitlines() for one in re.finditer(r"[a-z]+", line.replace(".py", ""))
+    }
+    assert places.keys() == set(FOLDERS)
+    for module, used in graph().items():
+        beyond = {folder(one) for one in used} - {folder(module)}
+        assert all(places[one] < places[folder(module)] for one in beyond), module
+
+
 def test_imports_run_one_way():
     """Between folders in their order; and no circle anywhere, imports for types included."""
     for module, used in graph().items():
@@ -146,14 +183,25 @@ def test_imports_run_one_way():
     TopologicalSorter(graph()).prepare()  # raises CycleError
 
 
-def test_the_package_does_not_need_the_studies_of_the_scripts():
+def test_the_package_does_not_need_the_scripts():
     """Those import the package and each other, in no circle; an installed package is without them."""
-    assert all(ast.get_docstring(tree) for tree in studies().values())
-    assert not {module for module, names in anywhere().items() if {"studies", "scripts"} & libraries(names)}
-    within = {study: {name for name in names if name.startswith("studies.")} for study, names in in_studies().items()}
-    used = {study: {name.split(".")[1] for name in names} for study, names in within.items()}
-    assert {one for names in used.values() for one in names} <= studies().keys()
+    assert all(ast.get_docstring(tree) for tree in scripts().values())
+    assert len(scripts()) == len(list(SCRIPTS.rglob("*.py")))  # names of their own, as tests import them by name
+    assert not {module for module, names in anywhere().items() if (scripts().keys() | {"scripts"}) & libraries(names)}
+    used = {script: libraries(names) & scripts().keys() for script, names in in_scripts().items()}
+    assert used["better_layouts"] == {"real_cables"}  # the test can fail
     TopologicalSorter(used).prepare()  # raises CycleError
+
+
+def test_every_script_is_in_the_table_of_its_folder():
+    """Those at the top settle one configuration each, and are on the page of the robots; each folder has a table."""
+    assert {path.name for path in SCRIPTS.iterdir() if path.is_dir()} - {"__pycache__"} == set(SCRIPT_FOLDERS)
+    page = (SCRIPTS.parent / "docs" / "robots.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"scripts/(\w+\.py)", page)) == sorted(path.name for path in SCRIPTS.glob("*.py"))
+    for folder in SCRIPT_FOLDERS:
+        table = (SCRIPTS / folder / "README.md").read_text(encoding="utf-8")
+        listed = [one for row in re.findall(r"^\| (`.*?) \|", table, re.M) for one in re.findall(r"`(\w+)\.py`", row)]
+        assert sorted(listed) == sorted(path.stem for path in (SCRIPTS / folder).glob("*.py")), folder
 
 
 def test_walls_stand():
@@ -166,12 +214,21 @@ def test_walls_stand():
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
-            assert "mujoco" not in libraries(names), module
+            # A model is read as MuJoCo reads it; nothing is computed.
+            compiles = module == "robots.importers.mujoco_model"
+            assert ("mujoco" in libraries(names)) == compiles, module
+
+
+def test_the_compiler_is_used_by_its_documented_functions_alone():
+    """Internals of Numba and LLVM change from version to version."""
+    for module, names in (anywhere() | in_scripts()).items():
+        assert not any(f"{name}.".startswith(("numba.core.", "llvmlite.")) for name in names), module
+        assert "numba.core" not in ast.unparse((trees() | scripts())[module]), module
 
 
 def test_nothing_touches_matplotlibs_global_state():
     """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
-    for module, names in (anywhere() | in_studies()).items():
+    for module, names in (anywhere() | in_scripts()).items():
         assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in names), module
 
 
@@ -215,3 +272,27 @@ def test_every_public_name_resolves():
         assert getattr(cdpr, name) is not None
     for name in ("solve", "settle", "compare", "check", "to_mjcf", "load_robot", "sweep", "sensitivity", "release"):
         assert callable(getattr(cdpr, name)), name
+
+
+def test_few_modules_name_a_property_of_cables():
+    """A property is known where it is declared, in robot files, and in the room of each method; others ask for cables.
+
+    So a new property touches few files. Points, EA and force limits do not count: they are quantities of every robot.
+    """
+    counted = {name for name, one in PROPERTIES.items() if one.image and one.default is not REQUIRED}
+    naming = {
+        module
+        for module, tree in trees().items()
+        if folder(module) not in ("core", "robots") and module not in CABLE_ROOMS | CREEP_OF_MODELS
+        if counted & set(words(tree))
+    }
+    assert naming == NAME_A_PROPERTY
+
+
+def words(tree: ast.Module) -> Iterator[str]:
+    """Names, attributes, arguments and texts of a module."""
+    for node in ast.walk(tree):
+        for field in ("id", "attr", "arg", "value"):
+            word = getattr(node, field, None)
+            if isinstance(word, str):
+                yield word

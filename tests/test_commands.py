@@ -32,9 +32,9 @@ from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.drawing import maps, still
 from cdpr_sim.physics import viewer
+from cdpr_sim.report import robot_summary
 from cdpr_sim.robots.importing import FORMATS
 from cdpr_sim.robots.robot_file_text import as_toml
-from cdpr_sim.studies import robot_summary
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 POSE, SOFT = (0.3, 0.22, 0.15), "fishing-0.4mm"
@@ -165,7 +165,6 @@ ANSWERS = [  # a command, its exit status, what it says, and what is in its JSON
      {"warnings": [], "changes": len, "exits": lambda found: (np.array(found) >= [0, 0, 0.4]).all()
       and (np.array(found) <= [0.8, 0.5, 0.5]).all()}),
     ("models two-cable -o there", 0, "robot.xml", {}),
-    ("figures tilt-condition -o there", 0, "^there/tilt-condition.svg there/tilt-condition.png", {}),
     (f"import {FILES / 'crane_gazebo.yaml'} -o mine.toml", 0,
      "crane_gazebo, spatial, 4 cables, 5 kg…- The elasticity of its cables is not given", {}),
     ("video two-cable --seconds 0.4 --fps 5 --size 320 240 -o v.gif", 0, "^v.gif", {}),
@@ -234,9 +233,8 @@ def test_what_was_not_asked_for_or_does_not_apply_is_not_said(command, absent, f
 
 
 def test_what_can_be_named_is_listed_as_reviewed(snapshot):
-    """Robots, materials with their numbers, and figures; help of `import` and `design` names formats and objectives."""
+    """Robots and materials with their numbers; help of `import` and `design` names formats and objectives."""
     snapshot("commands/robots.txt", run("robots", columns=200).stdout, rel=1e-9)
-    snapshot("commands/figures.txt", run("figures", "--list", columns=200).stdout)
     listed = run("robots", columns=200).stdout
     for name in (*cdpr.list_robots(), *cdpr.MATERIALS):
         assert name in listed
@@ -245,7 +243,6 @@ def test_what_can_be_named_is_listed_as_reviewed(snapshot):
         robot = cdpr.load_robot("cogiro").replace(material=f"{name}-2mm")
         expected = 1e9 * float(modulus) * float(fill) * section
         assert robot.axial_stiffness == pytest.approx(expected, rel=1e-2), name
-    assert all(name in run("figures", "--list").stdout for name in cdpr.list_figures())
     formats = said(run("import", "--help", columns=200).stdout)
     assert all(one.TITLE in formats and name in formats.partition("--format")[2] for name, one in FORMATS.items())
     for command in ("design", "front"):
@@ -622,7 +619,7 @@ def test_pictures_and_models_are_of_the_robot_at_the_pose_on_the_cables_that_are
     assert Path("two-cable/robot.xml").read_text() == cdpr.to_mjcf(robot, (0.3, 0, 0.1))
     assert Path("two-cable/winch.xml").read_text() == cdpr.to_mjcf(robot, (0.3, 0, 0.1), winches=True)
     monkeypatch.setattr(
-        "cdpr_sim.studies.better_layouts.clearance_map", lambda *given: drawn.append(given) or still.Still()
+        "cdpr_sim.report.layout_pictures.clearance_map", lambda *given: drawn.append(given) or still.Still()
     )
     words = "clearances cogiro --plane yz --at 0.4 --min-distance 0.002 --fitting 0.01 -o a.png --force --grid 1 1 1"
     told = run(*words.split())
@@ -703,7 +700,7 @@ def test_an_output_that_is_full_or_that_nobody_reads_has_a_status_of_its_own(mon
         one_sentence(error, "cdpr-sim: No space left on device")
 
 
-@pytest.mark.parametrize("words", [["settle", "cogiro"], ["figures", "--list"]])
+@pytest.mark.parametrize("words", [["settle", "cogiro"], ["robots"]])
 def test_letters_that_cannot_be_shown_are_question_marks(words, monkeypatch, tmp_path):
     """ASCII, as ``PYTHONIOENCODING=ascii`` has it: the same tables, in plain lines."""
     with open(tmp_path / "printed", "w+", encoding="ascii") as printed:
@@ -799,7 +796,7 @@ def test_a_variable_of_a_library_with_nonsense_is_no_traceback(variable, words, 
 
 
 NARROW = ["settle parallel", "sweep cogiro parallel --grid 2 1 1", "check cogiro --grid 2 1 1", "compensate cogiro",
-          "sensitivity cogiro", "robots", "figures --list"]  # fmt: skip
+          "sensitivity cogiro", "robots"]  # fmt: skip
 
 
 @pytest.mark.parametrize("command", NARROW)

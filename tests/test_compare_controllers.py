@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from studies.controller_comparison import (
+from controller_comparison import (
     PAUSE,
     RIGID,
     RIGID_FEEDBACK,
@@ -22,8 +22,7 @@ from studies.controller_comparison import (
     run,
     tasks,
 )
-from studies.controller_comparison_figures import ROWS
-from studies.controller_tables import ropes_table, runs_table, summary_table
+from controllers import ROWS, ropes_table, runs_table, summary_table
 
 LINE = TrackingTask("cogiro", "fishing-0.4mm", "line", 0.5)
 CIRCLE = TrackingTask("parallel", "vectran-0.7mm", "circle", 0.05)

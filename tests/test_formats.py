@@ -3,7 +3,6 @@
 import inspect
 import json
 import re
-import runpy
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from inputs import FILES, changed, robot_file, run, said
 
 import cdpr_sim as cdpr
+import mutate_imports
 from cdpr_sim.core.robot import FIELDS
 from cdpr_sim.robots import robot_file as fields_of_files
 from cdpr_sim.robots.importers.draft import Draft
@@ -93,6 +93,13 @@ FLAT = {
     "crane.wcrfx": {re.compile(r'(<(?:base|platform) x="\S+" y="\S+" z=")[^"]+'): r"\g<1>0", "3R3T": "1R2T"},
     "crane_bodies.xml": {re.compile(r"(location>\S+ \S+ )\S+(</)"): r"\g<1>0\2", "SPATIAL_EULER_XYZ": "PLANAR_XY"},
 }
+
+
+def spread(off: np.ndarray) -> np.ndarray:
+    """Inertia of a unit mass so far from the origin."""
+    return off @ off * np.eye(3) - np.outer(off, off)
+
+
 UPRIGHT = {re.compile(r"(location>\S+ )\S+( \S+</)"): r"\g<1>0\2", "SPATIAL_EULER_XYZ": "PLANAR_XZ"}
 
 TOLD = [  # a file, what is changed in it, what is read of the robot, and words of its notes
@@ -124,6 +131,14 @@ TOLD = [  # a file, what is changed in it, what is read of the robot, and words 
      lambda found: found[:, 2] == pytest.approx(AXES @ [0.6, 0, 0.8]), []),
     ("crane_mjcf.xml", {'springlength="0 2"': ""}, "axial_stiffness",  # the length of the model as it stands
      [20e3 * np.linalg.norm(EXITS[0] - ANCHORS[0] - HOME), *[STIFFNESS] * 3], ["pushes as well"]),
+    ("crane_mjcf.xml", {'quat="0 0 0 1"': 'euler="0 0 180"'}, "exits", lambda found: found == pytest.approx(EXITS), []),
+    ("crane_mjcf.xml", {'<geom type': '<geom mass="9" type'}, "mass", 5, []),  # as MuJoCo: <inertial> overrides
+    ("crane_mjcf.xml", {'<body pos="0 0.08 0">': '<body pos="0 0.08 0"><geom size="0.1" mass="2" />'}, "mass", 7, []),
+    ("crane_mjcf.xml", {'<body pos="0 0.08 0">': '<body pos="0 0.08 0"><geom size="0.1" mass="2" />'}, "center_of_mass",
+     [0.05 / 7, (-0.1 + 0.16) / 7, 0.15 / 7], []),
+    ("crane_mjcf.xml", {'<body pos="0 0.08 0">': '<body pos="0 0.08 0"><geom size="0.1" mass="2" />'}, "inertia",
+     INERTIA + 5 * spread(np.array([0.01, -0.02, 0.03])) + 2 * spread(np.array([0, 0.08, 0])) + 0.008 * np.eye(3)
+     - 7 * spread(np.array([0.05, 0.06, 0.15]) / 7), []),
 ]  # fmt: skip
 
 
@@ -161,11 +176,14 @@ def test_a_hangprinter_has_reeving_and_line_to_its_spools():
 
 @pytest.mark.parametrize("name", ["cogiro", "planar-vertical", "nist-robocrane", "cogiro-crane"])
 def test_our_own_models_give_the_robot_back(name, catalogue):
-    """As MJCF: all that statics depends on, EA to twelve digits."""
+    """As MJCF: all that statics depends on, EA to twelve digits; also from the scene, which includes the robot."""
     robot, again = catalogue[name], cdpr.import_robot(ROOT / "models" / name / "robot.xml")
-    for field in ("exits", "anchors", "mass", "center_of_mass", "inertia", "mobility", "gravity", "name"):
+    for field in ("exits", "anchors", "mass", "center_of_mass", "mobility", "gravity", "name"):
         np.testing.assert_array_equal(getattr(robot, field), getattr(again, field), err_msg=field)
+    assert again.inertia == pytest.approx(robot.inertia, abs=ROUNDING * robot.inertia.max())
     assert again.axial_stiffness == pytest.approx(robot.axial_stiffness, rel=1e-12)
+    scene = cdpr.import_robot(ROOT / "models" / name / "scene.xml")
+    assert_same(scene, again, but=("name", "source", "description"))
 
 
 def wheel_length(exit_, axis, radius, anchor):
@@ -228,9 +246,8 @@ def test_what_a_file_leaves_open_is_filled_in_and_noted():
 
 @pytest.mark.parametrize("name", [*CRANES, "hangprinter.g"])
 def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
-    """Fifteen of what ``scripts/mutate_imports.py`` does by the thousand."""
-    script = runpy.run_path(str(ROOT / "scripts" / "mutate_imports.py"))
-    assert {kind for kind, _ in script["answers"](FILES / name, 15, 1, tmp_path)} == {"robot", "sentence"}
+    """Fifteen of what ``scripts/dev/mutate_imports.py`` does by the thousand."""
+    assert {kind for kind, _ in mutate_imports.answers(FILES / name, 15, 1, tmp_path)} == {"robot", "sentence"}
 
 
 # Our own

@@ -1,13 +1,13 @@
-"""The proved equilibria of ``problems/`` are golden values: of the oracle of the tests, and of the solver."""
+"""The proved equilibria of the problem set are golden values: of the oracle of the tests, and of the solver."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import oracle
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.crosscheck import problem_set
 
 UNBALANCED = 5e-15
 """Of EA: what rounding of lengths leaves unbalanced; measured 2.0e-15, and 8e-16 of the tensions."""
@@ -16,9 +16,7 @@ AGREE, STRAIN = 1e-9, 1e-10
 """[m] and of EA: where the solver stops, at a billionth of the load; measured 4.6e-10 m and 9.6e-12 of EA."""
 
 PROBLEMS = [
-    one
-    for file in sorted((Path(__file__).parents[1] / "problems").glob("*.json"))
-    for one in json.loads(file.read_text())["problems"]
+    one for file in sorted(problem_set.PROBLEMS.glob("*.json")) for one in json.loads(file.read_text())["problems"]
 ]
 
 

@@ -12,7 +12,7 @@ from cdpr_sim.analysis.identifiability import WORSE
 from cdpr_sim.analysis.identification_model import UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis_tables import identification_note, identification_table
-from studies.coverage import fitted, held
+from interval_coverage import fitted, held
 
 NOISE = 2e-5
 """[m] of a measured coordinate; DemoBot's tracker states 6.5e-5."""
@@ -227,7 +227,7 @@ def test_errors_that_are_judged_are_as_if_they_were_stated(columns, kinds):
 
 @pytest.mark.parametrize("case", ["judged", "lengths"])
 def test_intervals_hold_what_they_say(case):
-    """Of a few simulated measurements, 0.93 to 0.97 of many (``scripts/interval_coverage.py``); narrower ones less."""
+    """Of a few simulated measurements; of many, 0.93 to 0.97 (``scripts/research/interval_coverage.py``)."""
     found = fitted(case, 3, seed=1)
     assert held(found).mean() >= 0.85
     assert held(found, coverage=0.3).mean() < 0.6

@@ -20,6 +20,7 @@ from typing import Any, get_type_hints
 import pytest
 
 import cdpr_sim as cdpr
+import paper_figures
 from cdpr_sim.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
@@ -227,8 +228,8 @@ def test_every_picture_is_in_the_gallery_with_a_command():
 def test_every_figure_that_the_gallery_names_is_one():
     """And what its command is given."""
     named = re.findall(r"^\| `([\w-]+)` \|", PAGES["docs/gallery.md"], flags=re.MULTILINE)
-    named += re.findall(r"make_figures\.py ([\w-]+)", PAGES["docs/gallery.md"])
-    assert set(named) <= set(cdpr.list_figures())
+    named += re.findall(r"paper_figures\.py ([\w-]+)", PAGES["docs/gallery.md"])
+    assert set(named) <= paper_figures.PICTURES.keys()
 
 
 def test_every_robot_is_on_its_page():

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+import paper_numbers as study
 from cdpr_sim.core import materials
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, line
-from studies import paper_numbers as study
+from lines import PAPER_HEIGHTS, PAPER_LINE, line, paper_lines
 
 
 @pytest.fixture(scope="module")
@@ -68,4 +68,4 @@ def test_nylon_sags_nearer_to_what_the_paper_measured():
 def test_studies_of_the_paper_keep_to_its_two_lines():
     """A third material does not get into the paper's figures."""
     assert materials.PAPER_MATERIALS == ("vectran-0.7mm", "fishing-0.4mm")
-    assert {one.robot.material for one in cdpr.PICTURES["paper-line"].study()} == set(materials.PAPER_MATERIALS)
+    assert {one.robot.material for one in paper_lines(static_rows=2, settled_rows=2)} == set(materials.PAPER_MATERIALS)

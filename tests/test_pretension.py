@@ -14,8 +14,7 @@ from cdpr_sim.core.describe import describe_twist
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_equilibria import Cases
 from cdpr_sim.statics import forces
-from cdpr_sim.studies.pretension import ABOVE, PUSHES, least_pretension, pretension, shifts, taut_from
-from studies.pretension_tables import conclusions
+from fully_constrained import ABOVE, PUSHES, conclusions, least_pretension, pretension, shifts, taut_from
 
 METHODS = (cdpr.solve, cdpr.settle)
 

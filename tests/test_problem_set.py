@@ -9,12 +9,12 @@ import pytest
 from inputs import run
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.studies import problem_set, score
-from studies import problem_drawing
+import generate_problems as problem_drawing
+from cdpr_sim.crosscheck import problem_set, score
 
 pytest.importorskip("flint")
 
-FOLDER = Path(__file__).parents[1] / "problems"
+FOLDER = problem_set.PROBLEMS
 
 ALL_AGAIN = 23
 """Every so many-th problem's whole solution is proved again."""
@@ -22,7 +22,7 @@ ALL_AGAIN = 23
 
 @pytest.fixture(scope="module")
 def problems() -> list[problem_set.SetProblem]:
-    return problem_set.read_problems(FOLDER)
+    return problem_set.read_problems()
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_the_set_has_its_levels_and_every_answer_has_the_digits_of_a_double(prob
 
 @pytest.mark.slow
 def test_solutions_follow_from_what_the_files_state(problems):
-    """What ``scripts/generate_problems.py`` writes: equilibria, their number and order, and whether they are all."""
+    """What ``generate_problems.py`` writes: equilibria, their number and order, and whether they are all."""
     for one in problems[::ALL_AGAIN]:
         solved = problem_drawing.solutions(one)
         assert solved["complete"] == one.complete, one.name

@@ -1,10 +1,12 @@
 """What all public names have in common: results that cannot be changed, and the same defaults of the same options."""
 
 import dataclasses
+import enum
 import importlib
 import inspect
 import pkgutil
 import re
+from collections.abc import Callable
 
 import pytest
 
@@ -53,6 +55,30 @@ def test_docstrings_describe_all_parameters_or_none():
         if astray or (named != parameters and (named or public)):
             wrong[name] = astray | (named ^ parameters)
     assert not wrong
+
+
+def arguments(function: Callable) -> str:
+    """Names, order and defaults."""
+    plain = inspect.signature(function)
+    bare = [one.replace(annotation=one.empty) for one in plain.parameters.values()]
+    return re.sub(r"<function .*?>+ at \w+>", "...", str(inspect.Signature(bare)))
+
+
+def test_signatures_are_as_reviewed(snapshot):
+    """Every argument that a user may give, its order and its default: of functions, constructors and methods."""
+    pytest.importorskip("gymnasium", reason='environments need pip install "cdpr-sim[learn]"')
+    learning = [vars(importlib.import_module(f"cdpr_sim.learning.{name}")) for name in ("environments", "tasks")]
+    kinds = {one.__name__: one for names in learning for one in names.values() if inspect.isclass(one)}
+    lines = []
+    for name, one in (PUBLIC | kinds).items():
+        if inspect.isclass(one) and issubclass(one, enum.Enum | Exception):
+            continue
+        inner = vars(one) if inspect.isclass(one) else {}
+        some = {name: one} | {f"{name}.{of}": getattr(method, "__func__", method) for of, method in inner.items()}
+        for which, function in some.items():
+            if "._" not in which and str(getattr(function, "__module__", "")).startswith("cdpr_sim"):
+                lines.append(which + arguments(function))
+    snapshot("signatures.txt", "\n".join(sorted(lines)))
 
 
 @pytest.mark.parametrize("name", sorted(DATA.keys() - WITH_STATE))

@@ -13,6 +13,9 @@ from test_real_cables_physics import wheel_by_hand
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+import paper_ends
+import real_cables
+import tilt_condition
 from cdpr_sim.cli import app
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
@@ -20,9 +23,6 @@ from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.statics import two_cable_closed_form
-from cdpr_sim.studies import real_cables, tilt_condition
-from studies import crane_as_built, paper_ends
-from studies import real_cable_tables as tables
 
 POSE = (0.3, 0.25, 0.1)
 
@@ -121,7 +121,7 @@ def test_a_video_drives_cables_with_mass(tmp_path, monkeypatch):
     file.write_text(as_toml(cdpr.load_robot("planar-vertical").replace(linear_density=0.0005)), encoding="utf-8")
     monkeypatch.setattr("cdpr_sim.cli.picture_commands.COMPENSATED_WAYPOINTS", 3)
     monkeypatch.setattr(
-        "cdpr_sim.studies.robot_summary.write_both_methods", lambda _, trajectories, **__: motions.extend(trajectories)
+        "cdpr_sim.report.robot_summary.write_both_methods", lambda _, trajectories, **__: motions.extend(trajectories)
     )
     words = ["--compensate", "--path", "0.4", "0.41", "--drive-seconds", "0.2", "--seconds", "0.5", "--fps", "10"]
     answer = CliRunner().invoke(app, ["video", str(file), *words, "-o", str(tmp_path / "mine.gif")])
@@ -194,9 +194,9 @@ def test_the_crane_as_it_is_is_all_properties_at_once():
     )  # fmt: skip
     none = {name: (0.0, 0.0) if name == "stiffening" else 0.0 for name in given}
     words = (real_cables.AWARE, real_cables.MASS, real_cables.BEHIND, real_cables.NONLINEAR)
-    found = {effect.what: effect for effect in crane_as_built.together(case, 1)}
+    found = {effect.what: effect for effect in real_cables.together(case, 1)}
     assert all(one.unsettled == 0 and one.method_difference < 1e-9 for one in found.values())
-    others = {crane_as_built.TOGETHER: none} | {
+    others = {real_cables.TOGETHER: none} | {
         f"without {what}": given | {name: none[name]} for name, what in zip(given, words, strict=True)
     }
     assert found.keys() == others.keys()
@@ -243,7 +243,7 @@ def test_nothing_explains_the_papers_15_mm(ends):
 
 def test_the_tables_fit_a_terminal(ends):
     """80 columns, nothing cut off."""
-    for table in (tables.effects_table(properties().effects), paper_ends.ends_table(ends)):
+    for table in (real_cables.effects_table(properties().effects), paper_ends.ends_table(ends)):
         text = io.StringIO()
         Console(width=80, file=text).print(table)
         assert "…" not in text.getvalue()

@@ -171,7 +171,7 @@ def test_a_free_rotation_beside_stiff_directions_is_neutral(density, size):
     ],
 )
 def test_robots_on_hard_heavy_cables_settle_where_statics_has_them(seed, why):
-    """Of 300 random ones (scripts/stress_test_real_cables.py) those that did not settle, or settled 0.1 mm off."""
+    """Of 300 random ones (``stress_test_real_cables.py``) those that did not settle, or settled 0.1 mm off."""
     robot, position, random = random_robot(seed, stiffest=1e6)
     density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
     problem = cdpr.Problem.of(robot.replace(linear_density=density), position)

@@ -13,8 +13,8 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.rope_memory import RopeStep
+from cdpr_sim.report.robot_summary import settled_along, solved_along
 from cdpr_sim.robots.robot_file_text import as_toml
-from cdpr_sim.studies.robot_summary import settled_along, solved_along
 
 AGREE = 1e-9
 """[m] Farthest anchor, between equilibria of the same path; settling ends within 1e-9 of the load. Measured: 4e-13 m on

@@ -28,10 +28,15 @@ from matplotlib.text import Text
 from mpl_toolkits.mplot3d.art3d import Text3D
 
 import cdpr_sim as cdpr
+import fully_constrained
+import lines
+import lines_figures
+import paper_figures
+import two_cable
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import axes, cable_curves, lettering, maps, style
-from cdpr_sim.studies import better_layouts, gallery, lines, lines_figures, pretension, two_cable
+from cdpr_sim.report import layout_pictures
 
 RELATIVE = 1e-5
 """Numbers are written with six digits, of which the last may differ with the machine."""
@@ -108,7 +113,7 @@ NUMBERS = [  # figure, which of its axes, gid or label of the line, x, y
     ("fully-constrained", 2, "static pushed down", [110, 150, 300, 600],
      [np.interp(110, [80, 150], away(DOWN.static)[:2]), *away(DOWN.static)[1:]]),
     ("fully-constrained", 3, "mujoco turned about z", [80, 300], tilts(TURNED.settled)),
-    ("fully-constrained", 4, "static 4", [-10, -5, 0, 5, 10], away(PULLED.wrong[pretension.BELOW].static)),
+    ("fully-constrained", 4, "static 4", [-10, -5, 0, 5, 10], away(PULLED.wrong[fully_constrained.BELOW].static)),
     ("fully-constrained", 5, "static 0", [-10, -5, 0, 5, 10], [1200, 700, 300, 400, 500]),
     ("real-cables", 3, f"range {EFFECT.robot} {EFFECT.what}", 1e3 * np.sort(EFFECT.shifts)[[10, 19]], [5, 5]),
     ("real-cables", 2, "static DemoBot, parallel from below", [0, 10, 20], 1e3 * np.median(GROWTH.shifts, axis=1)),
@@ -149,13 +154,13 @@ def test_the_tilt_condition_says_how_far_and_how_much():
 def test_a_layouts_numbers_are_mujocos_before_and_after():
     """Degrees, millimetres, newtons; the worst before the mean; only poses that settled count."""
     found = drawn_figures.validation()
-    rows = {what: words for what, *words in better_layouts.numbers(found)}
+    rows = {what: words for what, *words in layout_pictures.numbers(found)}
     for n, settled in enumerate((found.before.settled, found.after.settled)):
         turned, off = tilts(settled)[1:], away(settled)[1:]
         assert rows["worst, mean tilt"][n] == f"{turned.max():.3g}°, {turned.mean():.3g}°"
         assert rows["worst, mean deviation"][n].startswith(f"{off.max():.3g} mm, {off.mean():.3g} mm")
         assert rows["lowest, highest tension"][n] == f"0 N, {settled.tensions[1:].max():.3g} N"
-    (what, _, after), *_ = better_layouts.numbers(drawn_figures.validation(settled=False))
+    (what, _, after), *_ = layout_pictures.numbers(drawn_figures.validation(settled=False))
     assert (what, after) == ("worst tilt, in MuJoCo", "no equilibrium at any pose")
 
 
@@ -296,12 +301,12 @@ def test_a_file_depends_on_the_results_alone():
     """No dates, no random ids; a user's style does not get in, and the house's style is not left behind."""
     width, before = made("planar-vertical"), dict(matplotlib.rcParams)
     few = dataclasses.replace(width, lines=width.lines[:1])
-    once = gallery.encoded(lines_figures.planar(few), "svg")
+    once = paper_figures.encoded(lines_figures.planar(few), "svg")
     assert dict(matplotlib.rcParams) == before
     with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "axes.facecolor": "black"}):
-        assert gallery.encoded(lines_figures.planar(few), "svg") == once
+        assert paper_figures.encoded(lines_figures.planar(few), "svg") == once
     others = dataclasses.replace(few, lines=width.lines[1:])
-    assert gallery.encoded(lines_figures.planar(others), "svg") != once
+    assert paper_figures.encoded(lines_figures.planar(others), "svg") != once
 
 
 NAME = "机器人"

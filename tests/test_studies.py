@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+import lines as studies
+import solvers as solver_studies
+import tilt_condition as balance
+import two_cable as two_cable_studies
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.crosscheck.compare import POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.studies import lines as studies
-from cdpr_sim.studies import solvers as solver_studies
-from cdpr_sim.studies import tilt_condition as balance
-from cdpr_sim.studies import two_cable as two_cable_studies
 
 MANIFOLD_TOLERANCE = 1e-8
 """[rad] The closed form where the bar was put: 3e-12 measured for the solver, 1e-9 for MuJoCo, which stops at 1e-9 of
@@ -91,7 +91,7 @@ def test_both_methods_answer_the_same_line(robot):
 def test_a_row_without_rest_is_no_rest():
     """Where a solver finds nothing, nothing is drawn: the study says so."""
     with pytest.raises(cdpr.NotConverged, match=r"parallel.*not finite"):
-        studies.all_solved(solve_many(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]]))
+        all_solved(solve_many(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]]))
 
 
 @pytest.mark.parametrize(

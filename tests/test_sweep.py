@@ -1,11 +1,14 @@
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from rich.progress import Progress
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.analysis.workspace.sweep import QUANTITIES
 from cdpr_sim.core.status import Status
@@ -344,19 +347,56 @@ def test_a_sweep_that_cannot_fit_is_refused_and_one_into_a_store_is_not(tmp_path
         cdpr.sweep("cogiro", store=tmp_path / "other.zarr")
 
 
-def test_the_estimate_of_memory_is_right_within_a_factor_of_three():
-    """The result alone, as it lies in memory, against what is said of it."""
-    dataset = cdpr.sweep("cogiro", (20, 10, 10))
-    said = []
-    sweeping.free_ram.refuse_beyond, kept = (
-        (lambda what, need, instead: said.append(need)),
-        sweeping.free_ram.refuse_beyond,
-    )
-    try:
-        cdpr.sweep("cogiro", (20, 10, 10))
-    finally:
-        sweeping.free_ram.refuse_beyond = kept
-    assert 1 < said[-1] / dataset.nbytes < 3  # the first is of the grid's coordinates alone
+@pytest.mark.parametrize(("suffix", "copies"), [(None, 0), (".nc", 1)])
+def test_the_memory_that_is_asked_for_is_that_of_the_result(suffix, copies, tmp_path, monkeypatch):
+    """As many copies of it as are made, and one more for a NetCDF file; of many robots, and of one quantity."""
+    said: list[float] = []
+    monkeypatch.setattr(sweeping.free_ram, "refuse_beyond", lambda what, need, instead: said.append(need))
+    settled = dict(grid=(1, 1, 2), quantities=["tensions", "settled"])
+    for number, asked in enumerate((dict(quantities=["tilt"]), dict(robots=["cogiro", "parallel"]), settled)):
+        store = tmp_path / f"{number}{suffix}" if suffix else None
+        result = cdpr.sweep(**({"robots": "cogiro", "grid": (2, 2, 2), "store": store} | asked))
+        poses = result["status"].size
+        own = sum(one.nbytes for one in result.data_vars.values() if one.sizes.keys() & {"x", "y", "z"})
+        assert said[-1] == pytest.approx((sweeping.MEMORY_COPIES + copies) * own, abs=2 * poses * 3)
+
+
+TINY = dict(robots="two-cable", quantities=["tilt"], chunk=1, progress=True)
+
+BARS: dict[str, tuple[Callable, list[str]]] = {
+    "a sweep": (lambda here: cdpr.sweep(**TINY, grid=(2, 1, 2)), ["sweep"]),
+    "a stored sweep": (
+        lambda here: [cdpr.sweep(**TINY, grid=(2, 1, 2), store=here / "s.zarr") for _ in "12"],
+        ["sweep into s.zarr", "check of s.zarr", "sweep into s.zarr"],
+    ),
+    "check": (lambda here: cdpr.check(["two-cable", "planar-vertical"], (2, 1, 2), progress=True), ["check"]),
+    "certify_all": (
+        lambda here: cdpr.certify_all(cdpr.Problem.of(cdpr.load_robot("two-cable"), (0.2, 0, 0.1)), progress=True),
+        ["looking for equilibria"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BARS)
+def test_progress_bars_end_where_they_are_full(name, tmp_path, monkeypatch):
+    """They advance step by step, each with its own words, and end with the work."""
+    call, labels = BARS[name]
+    monkeypatch.setattr(stores, "TASKS", 2)  # two slabs
+    bars: list[list] = []
+
+    def add(self, what, total):
+        bars.append([what, total, 0.0])
+        return len(bars) - 1
+
+    def advance(self, task, amount):
+        bars[task][2] += amount
+
+    monkeypatch.setattr(Progress, "add_task", add)
+    monkeypatch.setattr(Progress, "advance", advance)
+    call(tmp_path)
+    assert [what for what, *_ in bars] == labels
+    for what, total, done in bars:
+        assert done == pytest.approx(total, rel=1e-6), what
 
 
 def test_more_cables_than_bits_are_not_told_apart_wrongly():

@@ -24,7 +24,7 @@ MOST_SECONDS = 300
 ELSEWHERE = {"positions": "pose", "waypoints": "pose", "answer": "rest_lengths"}
 """What messages call one of several, or what a value stands for."""
 
-NOTHING_TO_GIVE = {"list_figures", "list_robots"}
+NOTHING_TO_GIVE = {"list_robots"}
 
 BUILT = (
     "Robot", "Move", "Sensors", "ElasticLengths", "HeldTensions", "LengthsAndTensions", "RigidLengths", "PoseFeedback",
@@ -177,7 +177,6 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "track": moved | dict(controller=cdpr.RigidLengths(robot), rate=40),
         "winch_controls": asked | dict(rest_lengths=found.rest_lengths),
         "workspace_hull": dict(robot=robot, depth=0, tolerance=0.1),
-        "write_figures": dict(names=["two-cable-poses"], folder=folder / "figures"),
         "write_report": dict(path=folder / "page.html", robot=robot, grid=(1, 1, 1), video=False),
         "write_video": dict(path=folder / "film.mp4", trajectories=trajectory) | film,
         "Command.of": dict(answer=found.rest_lengths, cables=8),

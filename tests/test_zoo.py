@@ -9,14 +9,14 @@ from matplotlib import image
 
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.still import stamp_of
-from studies.zoo_check import PRETENSION_STRAIN, check_robot
+from check_zoo import PRETENSION_STRAIN, check_robot
 
 MODELS = Path(__file__).parents[1] / "models"
 
 NAMES = cdpr.list_robots()
 
 POSES = 3
-"""Random ones per robot; ``scripts/check_zoo.py`` takes 200."""
+"""Random ones per robot; ``scripts/research/check_zoo.py`` takes 200."""
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -27,18 +27,18 @@ from cdpr_sim.statics.newton import solve_many
 
 POINTS = 25
 """Number of points along a hanging cable: where it is shallow, its 24 pieces deviate by at most 1/575 of its sag
-(``scripts/measure_constants.py``); those of a parabola, with n pieces, by 1/n²."""
+(``scripts/dev/measure_constants.py``); those of a parabola, with n pieces, by 1/n²."""
 
 SEARCH_POINTS = 9
 """The same number in a search for layouts."""
 
 BYTES_PER_POINT = 200
 """[bytes] Memory for distances at a pose, per point along each cable: 172 are measured for 5,000 poses
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 ROWS = 16
 """Number of poses at a time: their pairs of pieces take some 50 MB, with eight cables
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 
 @dataclass(frozen=True, eq=False)

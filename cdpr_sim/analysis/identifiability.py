@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
 which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, distinguished by 12 poses, 0.02
-(``scripts/measure_constants.py``)."""
+(``scripts/dev/measure_constants.py``)."""
 
 ALIKE = 0.99
 """Correlation above which the data hardly distinguish two unknowns."""
@@ -29,7 +29,7 @@ WORSE = 1.5
 """Factor by which rows left out are predicted worse than with fewer unknowns, above which the data do not hold so many.
 Unknowns that the data do determine, and that happen to be as they were believed, make it 1.4 at most with four numbers
 for each, 1.13 with eight (85 fits of EA and offsets, of EA for each cable, of offsets). Nine unknowns make it 1 to 15
-with 24 angles of 0.1° scatter, 2 to 98 with 12 heights (``scripts/measure_constants.py`` repeats some)."""
+with 24 angles of 0.1° scatter, 2 to 98 with 12 heights (``scripts/dev/measure_constants.py`` repeats some)."""
 
 
 def directions(

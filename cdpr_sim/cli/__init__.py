@@ -45,7 +45,6 @@ COMMANDS = {
     "import": robot_commands.import_file,
     "models": robot_commands.models,
     "view": robot_commands.view,
-    "figures": picture_commands.figures,
     "sweep": workspace_commands.sweep,
     "map": workspace_commands.draw_map,
     "check": workspace_commands.check,

@@ -13,7 +13,7 @@ from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotNa
 from cdpr_sim.cli.terminal import DISAGREE, busy, print_json, print_parts
 
 BYTES_PER_START = 1000
-"""Memory per start pose of the search for equilibria: about 600 measured (``scripts/measure_constants.py``)."""
+"""Memory per start pose of the search for equilibria: about 600 measured (``scripts/dev/measure_constants.py``)."""
 
 
 def compensate(
@@ -231,8 +231,8 @@ def score(
         ),
     ],
     problems: Annotated[
-        Path, typer.Option("--problems", metavar="FOLDER", help="Problem set; default: problems/ of the repository.")
-    ] = Path("problems"),
+        Path | None, typer.Option("--problems", metavar="FOLDER", help="Problem set; default: the 300 of the package.")
+    ] = None,
     level: Annotated[str | None, typer.Option("--level", help="lower, average or higher; default: all.")] = None,
     first: Annotated[
         int | None, typer.Option("--first", min=1, help="Number of problems per level; default: all.")
@@ -243,13 +243,13 @@ def score(
 
     Exit status: 0 if every claimed solution is correct, 1 if one is not, 2 for invalid input.
     """
+    from cdpr_sim.crosscheck import problem_set
+    from cdpr_sim.crosscheck import score as scoring
     from cdpr_sim.report import score_tables
-    from cdpr_sim.studies import problem_set
-    from cdpr_sim.studies import score as studies
 
     if level is not None and level not in problem_set.LEVELS:
         raise cdpr.UnknownName("level", level, problem_set.LEVELS)
-    every = problem_set.read_problems(problems)
+    every = problem_set.read_problems(problems or problem_set.PROBLEMS)
     chosen = [
         one
         for name in problem_set.LEVELS
@@ -257,9 +257,9 @@ def score(
         for one in [problem for problem in every if problem.level == name][:first]
     ]
     scores = [
-        studies.score_answers(Path(name), chosen)
+        scoring.score_answers(Path(name), chosen)
         if name.endswith(".json")
-        else studies.score(name, studies.solver_called(name), chosen, progress=not as_json)
+        else scoring.score(name, scoring.solver_called(name), chosen, progress=not as_json)
         for name in solver
     ]
     if as_json:

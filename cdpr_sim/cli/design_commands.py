@@ -127,9 +127,9 @@ def design(
     from cdpr_sim.drawing import maps
     from cdpr_sim.drawing.video import writing
     from cdpr_sim.report import design_tables as report
+    from cdpr_sim.report import layout_pictures as shown
+    from cdpr_sim.report.robot_summary import write_both_methods
     from cdpr_sim.robots.robot_file_text import as_toml
-    from cdpr_sim.studies import better_layouts as shown
-    from cdpr_sim.studies.robot_summary import write_both_methods
 
     for path, suffixes, name in (
         (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, writing.SUFFIXES, "video"),
@@ -213,8 +213,8 @@ def front(
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
     from cdpr_sim.drawing.axes import encoded
     from cdpr_sim.report import design_tables as report
+    from cdpr_sim.report.layout_pictures import pareto_picture
     from cdpr_sim.robots.robot_file_text import as_toml
-    from cdpr_sim.studies.better_layouts import pareto_picture
 
     with new_folder(output):
         machine = robot_of(robot, material, pretension=pretension)
@@ -281,7 +281,7 @@ def clearances(
     machine = robot_of(robot, material, pretension=pretension)
     if picture is not None:
         check_place(picture, maps.SUFFIXES, force=force, field="output")
-        from cdpr_sim.studies.better_layouts import clearance_map
+        from cdpr_sim.report.layout_pictures import clearance_map
 
         with busy("Computing clearances"):
             maps.write(clearance_map(machine, plane, at, min_distance, fitting), picture)

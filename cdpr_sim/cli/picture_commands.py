@@ -1,4 +1,4 @@
-"""Commands that write figures, videos and pages: figures, video, report."""
+"""Commands that write videos and pages: video, report."""
 
 from __future__ import annotations
 
@@ -27,33 +27,10 @@ from cdpr_sim.cli.options import (
     waypoints_of,
     wrench_of,
 )
-from cdpr_sim.cli.terminal import busy, print_listing, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.terminal import busy, progress_bars, tidy_when_terminated
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
-
-
-def figures(
-    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Figures; default: all.")] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for <name>.svg and <name>.png.")] = Path(
-        "figures"
-    ),
-    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
-    names: Annotated[bool, typer.Option("--list", help="List the figures without drawing them.")] = False,
-) -> None:
-    """Redraw the paper's figures with results of the static solver (lines) and MuJoCo (points), and further figures."""
-    from cdpr_sim.studies.gallery import paths_of
-
-    if names:
-        rows = [(one, picture.paper, picture.shows) for one, picture in cdpr.PICTURES.items()]
-        print_listing("", ("figure", "paper", "content"), rows, text_columns=2)
-        return
-    wanted = name or cdpr.list_figures()
-    written = iter(paths_of(wanted, output).values())
-    with busy("Computing and drawing, about a minute for all figures"):
-        cdpr.write_figures(
-            wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
-        )
 
 
 def video(
@@ -113,7 +90,7 @@ def video(
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import writing
-    from cdpr_sim.studies.robot_summary import settled_along, write_both_methods
+    from cdpr_sim.report.robot_summary import settled_along, write_both_methods
 
     with tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, writing.SUFFIXES, force=force)

@@ -17,7 +17,7 @@ from cdpr_sim.core.pose import moved
 GAIN = 1.0
 """[1/s] Rate at which a constant error is removed. An integral destabilises a platform whose damping rate is lower than
 this: ``parallel`` on its softer cables oscillates by a centimetre at 2, and slowly at 1; ``cogiro`` comes to rest at
-either (``scripts/measure_constants.py``)."""
+either (``scripts/dev/measure_constants.py``)."""
 
 REACH, TURN = 0.05, 0.3
 """[m], [rad] Largest correction: a larger error has other causes than the cables, or cannot be corrected."""

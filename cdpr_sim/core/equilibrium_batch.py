@@ -144,7 +144,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     @property
     def pulls(self) -> Float[np.ndarray, "*batch cables"]:
         """Forces with which the cables pull on the platform, (..., cables) [N]: tensions times parts of line."""
-        return self.robot.reeving * self.tensions
+        return self.robot.cabling.pulls(self.tensions)
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:
@@ -172,6 +172,17 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     def __repr__(self) -> str:
         done = int(self.converged.sum())
         return f"<{type(self).__name__} of {self.robot.name!r} by {self.source}: {self.shape}, {done} in equilibrium>"
+
+
+def all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    """The same equilibria.
+
+    Raises:
+        NotConverged, NotSettled: some row has no equilibrium.
+    """
+    for row in np.flatnonzero(~equilibria.converged):
+        equilibria[int(row)]  # raises, with the reason
+    return equilibria
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,8 +7,12 @@ from importlib.util import find_spec
 
 from cdpr_sim.core.errors import MissingExtra
 
+_SWEEP = ("xarray", "dask", "zarr", "h5netcdf", "filelock")
+
 LIBRARIES = {
-    "sweep": ("xarray", "dask", "zarr", "h5netcdf", "filelock"),
+    "sweep": _SWEEP,
+    "report": (*_SWEEP, "jinja2"),
+    "view": ("glfw", "OpenGL"),
     "video": ("mediapy", "imageio_ffmpeg"),
     "design": ("pymoo",),
     "proof": ("flint",),

@@ -28,7 +28,7 @@ from cdpr_sim.statics import forces
 CROSS_TOLERANCE = 1e-5
 """Largest unbalanced force that either method may find at the other's pose, as a fraction of the load (without load, of
 ``Problem.force_scale``). MuJoCo calls a platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves
-8e-5 or more (``scripts/measure_constants.py``)."""
+8e-5 or more (``scripts/dev/measure_constants.py``)."""
 
 REST_LENGTH_TOLERANCE = 1e-7
 """[m] A cable this close to its rest length counts as taut or slack, as in the other method."""

@@ -4,7 +4,7 @@ The lengths of segments are the weights of Gauss and Legendre's quadrature times
 that of a massless cable, ``springlength="0 l"`` and ``stiffness`` EA/l. Each mass between them is the mass of the cable
 between two of the quadrature's points; the mass beyond the last point is at the anchor. The ends of the chain are then
 accurate to the order of that quadrature: with six segments the error is 1e-8 of the length where the horizontal tension
-is the cable's weight, and 4e-12 where it is twice the weight (``scripts/measure_constants.py``). In chains of equal
+is the cable's weight, and 4e-12 where it is twice the weight (``scripts/dev/measure_constants.py``). In chains of equal
 segments the error falls only with the square of their number.
 
 For a cable that bends sharply such a division has errors of percents: a slack chain is divided again when it hangs,
@@ -66,12 +66,19 @@ STRAIGHT = 2.0
 LEAST_MASS = 1e-14
 """[kg] Smallest point mass: ten times the smallest that MuJoCo accepts."""
 
-LAYINGS, SHORTER = 60, 10
-"""Largest number of Newton steps to lay out a chain, and of halvings of each. A few suffice."""
+LAYINGS, SHORTER, CLOSER = 60, 40, 1e-4
+"""Largest number of Newton steps to lay out a chain, and of halvings of each, of which a few suffice; and the least
+decrease of energy in a step, as a fraction of that of its beginning."""
 
-CLOSED, LEAST_PULL = 1e-13, 1e-12
-"""Largest distance of a chain's end from its exit, as a fraction of its length; and the smallest pull [N] with a
-direction."""
+SHARPER = 0.1
+"""Factor of a rounded edge's radius after a step."""
+
+CLOSED, NEARLY, LEAST_PULL = 1e-13, 100.0, 1e-12
+"""Largest distance of a chain's end from its exit, as a fraction of its length; how many times as far it may be if
+rounding lets it come no closer; and the smallest pull [N] with a direction."""
+
+ROUNDED = 1e-14
+"""A smaller change of energy, as a fraction, may be rounding."""
 
 WRAP_MARGIN = 0.5
 """[rad] By how much more than at the middle of the workspace a cable may wrap its wheel before the first mass of its
@@ -524,11 +531,11 @@ def hang(
     """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits.
 
     Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses, and is
-    stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits. A first
-    segment over a wheel begins where its direction is a tangent of the wheel, and is shorter by the arc from the exit
-    to there. These are only initial positions of the masses: whether they are in equilibrium there is decided in
-    MuJoCo. A folded chain, with a segment that is not taut, has no such pulls and is not computed. No chain has an
-    effect on another one.
+    stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits. With these
+    the chain's complementary energy, which is convex in the pull, is least: each step lowers it. A first segment over a
+    wheel begins where its direction is a tangent of the wheel, and is shorter by the arc from the exit to there. These
+    are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A folded
+    chain, with a segment that is not taut, has no such pulls and is not computed. No chain has an effect on others.
 
     Args:
         weights: of the masses between segments, and of that at the anchor [N]; from exit to anchor, as all numbers.
@@ -544,52 +551,96 @@ def hang(
     radii = radii[:, None]
     turned = np.cross(axes[:, None], np.eye(3)).swapaxes(1, 2)  # axes x v = turned @ v
     law = tuple(number[:, ::-1] for number in law)
+    bends = np.ones_like(rest)  # segments whose edges are rounded
+    bends[:, -1] = radii == 0
 
-    def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
-        each = pulls[..., None, :] + hanging
-        size = np.maximum(np.sqrt(np.vecdot(each, each)), LEAST_PULL)[..., None]
+    def laid(pulls: np.ndarray, some: np.ndarray) -> _Laid:
+        each = pulls[..., None, :] + hanging[some]
+        floor = np.maximum(soft[some, None, None] * bends[some], LEAST_PULL)
+        size = np.sqrt(np.vecdot(each, each)[..., None] + floor**2)
         along = each / size
-        stretch, give = stretched(size[..., 0], *law)
-        reach = rest + stretch[..., None]
-        ahead = -np.vecdot(along[..., -1, :], axes)[..., None]
-        outwards = -along[..., -1, :] - ahead * axes
+        springs = tuple(number[some] for number in law)
+        stretch, give = stretched(size[..., 0], *springs)
+        reach = rest[some] + stretch[..., None]
+        ahead = -np.vecdot(along[..., -1, :], axes[some])[..., None]
+        outwards = -along[..., -1, :] - ahead * axes[some]
         aside = np.sqrt(np.vecdot(outwards, outwards))[..., None]
         outwards = outwards / np.maximum(aside, FLAT)
-        reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
-        leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
+        reach[..., -1, :] -= radii[some] * np.arctan2(aside, ahead)
+        leaving = radii[some] * ((1 - ahead) * outwards + aside * axes[some])  # from the exit
         segments = reach * along
-        off = spans + leaving - segments.sum(-2)
-        swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-        return segments, off, np.sqrt(np.vecdot(off, off)), along, reach / size, give, swivelling, outwards
-
-    # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
-    # segment: it is least there where the others leave no more than that length to span.
-    folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
-    here, close = laid(pulls), CLOSED * rest.sum(1)[:, 0]
-    sought = ~folded
-    for _ in range(LAYINGS):
-        _, off, gap, along, turning, give, swivelling, outwards = here
-        sought &= gap > close
+        off = spans[some] + leaving - segments.sum(-2)
+        swivelling = radii[some] * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
+        energy = (size * reach).sum((-2, -1)) - tendons.energy(stretch, *springs).sum(-1)
+        energy -= np.vecdot(each[..., -1, :], leaving) + np.vecdot(pulls, spans[some])
+        turning = reach / size
         slope = turning.sum(1)[..., None] * np.eye(3)
         slope += ((give[..., None] - turning) * along).swapaxes(1, 2) @ along
-        sideways = turned @ outwards[..., None]
+        sideways = turned[some] @ outwards[..., None]
         slope += swivelling[..., None] * sideways * sideways.swapaxes(1, 2)
-        sought &= np.linalg.det(slope) > 0  # else the first segment would not reach beyond its wheel
-        if not sought.any():
+        return _Laid(segments, off, np.sqrt(np.vecdot(off, off)), energy, slope, np.linalg.det(slope) > 0)
+
+    every, soft = np.arange(len(spans)), np.zeros(len(spans))
+    # The energy has an edge where nothing pulls a segment: its slope jumps by twice the segment's length. It is least
+    # on the edge if the others leave no more than that length to span.
+    folded = np.any([laid(-pull, every).gap <= rest[:, k, 0] for k, pull in enumerate(hanging.swapaxes(0, 1))], axis=0)
+    here, close, pulls = laid(pulls, every), CLOSED * rest.sum(1)[:, 0], pulls.copy()
+    tried = folded | ~here.regular
+    some = np.flatnonzero(~tried)
+    for _ in range(LAYINGS):
+        some = some[(here.gap[some] > close[some]) | (soft[some] > 0)]
+        if not len(some):
             break
-        step = np.zeros_like(pulls)
-        step[sought] = np.linalg.solve(slope[sought], off[sought, :, None])[..., 0]
-        for _ in range(SHORTER):
-            here = laid(pulls + step)
-            worse = sought & (here[2] > gap)
-            if not worse.any():
+        step = np.linalg.solve(here.slope[some], here.off[some, :, None])[..., 0]
+        fall, descends = np.vecdot(step, here.off[some]), np.zeros(len(some), dtype=bool)
+        for halved in range(SHORTER):
+            left = np.flatnonzero(~descends)
+            rows, share = some[left], 0.5**halved
+            further = pulls[rows] + share * step[left]
+            there = laid(further, rows)
+            rise = there.energy - here.energy[rows]
+            equal = np.abs(rise) <= ROUNDED * np.abs(np.vecdot(further, spans[rows]))
+            lower = (rise < -CLOSER * share * fall[left]) | (equal & (there.gap <= here.gap[rows]))
+            descends[left] = better = lower & there.regular
+            pulls[rows[better]] = further[better]
+            here.update(rows[better], there, better)
+            if descends.all():
                 break
-            step[worse] *= 0.5
-        else:
-            here = laid(pulls + step)
-        pulls = pulls + step
-    segments, _, gap = here[:3]
-    return segments[:, :-1], gap <= close
+        # A chain that is on an edge begins again on a rounded one; any other is as close as rounding permits.
+        edge = some[~descends]
+        edge = edge[~tried[edge]]
+        some = np.union1d(some[descends], edge)
+        rounded = soft[some] > 0
+        soft[some] *= np.where(soft[some] > LEAST_PULL, SHARPER, 0.0)
+        soft[edge], tried[edge] = np.linalg.norm(hanging[edge, -1], axis=1), True
+        changed = some[rounded | (soft[some] > 0)]
+        here.update(changed, laid(pulls[changed], changed))
+    return here.segments[:, :-1], here.gap <= NEARLY * close
+
+
+class _Laid(NamedTuple):
+    """Hanging chains for some pulls on their anchors.
+
+    Attributes:
+        segments: extents from anchor to exit [m].
+        off: vectors from their ends to their exits [m]: minus the slope of the ``energy`` by the pull.
+        gap: their lengths [m].
+        energy: complementary energy of springs and weights [J].
+        slope: its second derivative [m/N].
+        regular: whether that is positive: else the first segment does not reach beyond its wheel.
+    """
+
+    segments: Float[np.ndarray, "chains segments 3"]
+    off: Float[np.ndarray, "chains 3"]
+    gap: Float[np.ndarray, " chains"]
+    energy: Float[np.ndarray, " chains"]
+    slope: Float[np.ndarray, "chains 3 3"]
+    regular: Bool[np.ndarray, " chains"]
+
+    def update(self, rows: np.ndarray, others: _Laid, which: np.ndarray | slice = slice(None)) -> None:
+        """Replace chains by some ``others``."""
+        for mine, new in zip(self, others, strict=True):
+            mine[rows] = new[which]
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

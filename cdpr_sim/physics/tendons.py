@@ -159,6 +159,16 @@ def force(
     return force, stiffness + stretches * (2 * square + 3 * cube * stretches)
 
 
+def energy(
+    stretches: Float[np.ndarray, "*batch"],
+    stiffness: Float[np.ndarray, "*#batch"],
+    square: Float[np.ndarray, "*#batch"],
+    cube: Float[np.ndarray, "*#batch"],
+) -> Float[np.ndarray, "*batch"]:
+    """Energy of springs with MuJoCo's polynomial at these stretches [J]."""
+    return stretches**2 * (stiffness / 2 + stretches * (square / 3 + cube / 4 * stretches))
+
+
 def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
     """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
     ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly

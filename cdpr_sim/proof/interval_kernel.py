@@ -32,6 +32,12 @@ def down(x):
 
 
 @outlined
+def of_sums(terms):
+    """Bound of the rounding of a sum of that many products and of two more, as a share of the sum of magnitudes."""
+    return (terms + 8) * SHARE
+
+
+@outlined
 def row(a, i):
     """The interval in row i of an array (rows, 2)."""
     return a[i, 0], a[i, 1]

@@ -28,7 +28,6 @@ from cdpr_sim.proof.geometry_kernel import (
     tension,
 )
 from cdpr_sim.proof.interval_kernel import (
-    SHARE,
     TINY,
     add,
     cross,
@@ -36,6 +35,7 @@ from cdpr_sim.proof.interval_kernel import (
     multiply,
     narrowed,
     negative,
+    of_sums,
     over,
     product,
     row,
@@ -165,7 +165,7 @@ def enclosed(J, Jm, Jr):
 def deviations(C, Jm, Jr, E, spread):
     """Fill E with bounds of |1 − C J|, and ``spread`` with the part of them that is from the width of J."""
     N = C.shape[0]
-    share = (N + 8) * SHARE
+    share = of_sums(N)
     for r in range(N):
         for c in range(N):
             E[r, c], spread[r, c] = (1.0 if r == c else 0.0), 0.0
@@ -276,7 +276,7 @@ def krawczyk(q, T, setup, o, spin, at, smear):
         if y < 0:
             off = subtract(off, (down(y * gap[k]), up(y * gap[k])))
         G[n + k, 0], G[n + k, 1] = off
-    inside, share = True, (N + 8) * SHARE
+    inside, share = True, of_sums(N)
     for r in range(N):
         step, size, wide = 0.0, 0.0, 0.0
         for c in range(N):

@@ -10,10 +10,8 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Callable
-from html import escape
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,17 +26,17 @@ from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.report import crosscheck_tables, html, workspace_tables
 from cdpr_sim.report.analysis_tables import modes_table
+from cdpr_sim.report.robot_summary import RobotSummary, View, summarise, write_both_methods
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, summarise, write_both_methods
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm")
 
 VIDEO_SIZE, VIDEO_RATE = (640, 360), 12.0
-"""[pixel], [frames per second] About 0.3 MB (``scripts/measure_constants.py``)."""
+"""[pixel], [frames per second] About 0.3 MB (``scripts/dev/measure_constants.py``)."""
 
 DIGITS = 7
 """Decimals of a coordinate on the page: 0.1 µm."""
@@ -106,11 +104,12 @@ def write_report(
         InvalidInput: a path that cannot be written, an existing file, an invalid pose or grid.
         UnknownName: no such robot.
         StoreError: a full disk.
-        MissingExtra: a library of the extra ``sweep``, or of ``video`` if ``video``, is not installed.
+        MissingExtra: a library of the extra ``report``, or of ``video`` if ``video``, is not installed.
     """
     refuse_unless(FLAG, video=video, force=force)
     refuse_unless(Callable, progress=progress)
     path = check_place(path, SUFFIXES, force=force)
+    extras.require("report", "write_report")
     if video:
         extras.require("video", "write_report with video")
     refuse_unless(Robot | str | os.PathLike, robot=robot)
@@ -124,101 +123,89 @@ def write_report(
 
 def html_page(summary: RobotSummary) -> str:
     """The page as text."""
+    import jinja2
+    from markupsafe import Markup
+
     import cdpr_sim
 
-    robot, views = summary.robot, (summary.first, *summary.worst)
-    sections = {
-        "3D view": _scene(summary, views),
-        "The worst poses": _worst(summary),
-        "Maps of the workspace": _maps(summary),
-        "Drive across the workspace": _video(summary),
-        "Parameters": _numbers(summary),
-        "Explanation": _explained(summary),
+    def as_html(part: Table | str | Sequence[str]) -> Markup:
+        """Tables, and sentences in rich's markup."""
+        if isinstance(part, Table):
+            return Markup(html.table(part))
+        return Markup(html.sentences(*([part] if isinstance(part, str) else part)))
+
+    robot, views, video = summary.robot, (summary.first, *summary.worst), _video(summary)
+    turn, height = FRONT if robot.mobility == "planar" else BESIDE
+    modes = [] if summary.modes is None else [modes_table(summary.modes)]
+    titles = {
+        "3D view": True, "The worst poses": summary.worst, "Maps of the workspace": summary.plane is not None,
+        "Drive across the workspace": video, "Parameters": True, "Explanation": True,
+    }  # fmt: skip
+    page = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_HERE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    page.filters |= {
+        "html": as_html,
+        "heading": lambda sheet: " ".join(Text.from_markup(str(sheet.title)).plain.split()),
     }
-    names = {title: f"section-{number}" for number, title in enumerate(sections, start=1) if sections[title]}
-    links = "".join(f'<a href="#{name}">{title}</a>' for title, name in names.items())
-    body = "".join(
-        f'<section aria-labelledby="{name}"><h2 id="{name}">{title}</h2>{sections[title]}</section>'
-        for title, name in names.items()
-    )
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<link rel="icon" href="data:,">'
-        f"<title>{escape(robot.name)}: static equilibria by statics and MuJoCo</title>"
-        f"<style>{(_HERE / 'html_page.css').read_text(encoding='utf-8')}</style></head><body>"
-        f'<header><h1>{escape(robot.name)}</h1><p class="lead">{escape(robot.description)}</p>'
-        f'<nav aria-label="Sections">{links}</nav>{_summary(summary)}</header><main>{body}</main>'
-        f"<footer><p>Written by cdpr_sim {escape(str(cdpr_sim.__version__))}. This file is self-contained.</p></footer>"
-        f'<script type="application/json" id="scene">{_embedded(_data(robot, views))}</script>'
-        f"<script>{(_HERE / 'html_page.js').read_text(encoding='utf-8')}</script></body></html>\n"
+    return page.get_template("html_page.html.jinja").render(
+        robot=robot,
+        version=cdpr_sim.__version__,
+        policy=POLICY,
+        style=Markup((_HERE / "html_page.css").read_text(encoding="utf-8")),
+        script=Markup((_HERE / "html_page.js").read_text(encoding="utf-8")),
+        scene=Markup(_embedded(_data(robot, views))),
+        sections={title: f"section-{number}" for number, title in enumerate(titles, start=1) if titles[title]},
+        agrees=summary.check.agrees,
+        summary=_summary(summary),
+        method=_heading(views[0].settled),
+        turn=f"{turn:g}",
+        height=f"{height:g}",
+        views=[_shown(robot, view, number) for number, view in enumerate(views)],
+        worst=_worst(summary) if summary.worst else None,
+        place=_place(summary) if summary.worst else "",
+        maps=_maps(summary),
+        video=video,
+        parameters=[robot_table(robot), cables_table(robot), *modes],
+        notes=[plain(note) for note in (*robot.warnings, *robot.notes)],
+        missing=[plain(sentence) for sentence in summary.missing],
     )
 
 
-def _summary(summary: RobotSummary) -> str:
+def _summary(summary: RobotSummary) -> list[str]:
     """Summary: the equilibrium at the first pose, the worst pose, and whether the two methods agree."""
     poses = summary.check.dataset["outcome"].size
-    lines = list(workspace_tables.check_lines(summary.check))
     sentences = [_description(summary.robot, summary.first)]
     if summary.worst and summary.check.agrees:
         away, tilt = _short(1e3 * summary.most[0]), _short(math.degrees(summary.most[1]))
         sentences.append(
             f"At the {poses:,} poses settled, the deviation is up to {away} mm and the tilt up to {tilt}°."
         )
-    no = "" if summary.check.agrees else " no"
-    return f'<div class="verdict{no}">{html.sentences(*map(plain, sentences), *lines)}</div>'
+    return [*map(plain, sentences), *workspace_tables.check_lines(summary.check)]
 
 
-def _scene(summary: RobotSummary, views: tuple[View, ...]) -> str:
-    turn, height = FRONT if summary.robot.mobility == "planar" else BESIDE
-    names = ["requested", *(f"worst {n}" for n in range(1, len(views)))]
-    options = "".join(
-        f"<option>{name}: ({_millimetres(view)}) mm</option>" for name, view in zip(names, views, strict=True)
-    )
-    answers = "".join(
-        f'<div data-view="{number}"{" hidden" if number else ""}>{_answer(view)}</div>'
-        for number, view in enumerate(views)
-    )
-    view = Template((_HERE / "html_page_view.html").read_text(encoding="utf-8"))
-    return "\n" + view.substitute(
-        description=escape(_description(summary.robot, views[0])),
-        method=escape(_heading(views[0].settled)),
-        options=options,
-        turn=f"{turn:g}",
-        height=f"{height:g}",
-        answers=answers,
-    ).rstrip("\n")
-
-
-def _answer(view: View) -> str:
-    """Results of both methods at one pose, a column for each, and whether they agree."""
-    table = crosscheck_tables.settle_table(view.problem, [view.settled, view.solved])
+def _shown(robot: Robot, view: View, number: int) -> dict[str, Any]:
+    """One pose: its name, results of both methods, a column for each, and whether they agree."""
     lines = [plain(result.reason) for result in (view.settled, view.solved) if not isinstance(result, Equilibrium)]
     if view.agreement is not None:
         lines.append(crosscheck_tables.verdict(view.agreement))
-    return _wide(table) + html.sentences(*lines)
+    return {
+        "name": f"worst {number}" if number else "requested",
+        "commanded": _millimetres(view),
+        "description": _description(robot, view),
+        "table": crosscheck_tables.settle_table(view.problem, [view.settled, view.solved]),
+        "lines": lines,
+    }
 
 
-def _worst(summary: RobotSummary) -> str:
-    if not summary.worst:
-        return ""
-    buttons = "".join(
-        f'<button type="button" data-show="{number}">Show {number} above</button>'
-        for number in range(1, len(summary.worst) + 1)
-    )
-    axes = summary.check.dataset
-    counts = " × ".join(str(axes.sizes[name]) for name in "xyz")
-    return (
-        html.sentences(
-            f"Of {counts} poses along x, y and z of the workspace: those where the methods disagree, if any, then "
-            "those with the largest deviation, where rotation is weighted by the characteristic length. Of poses with "
-            "the same deviation within 0.1 %, as by symmetry, one is listed."
-        )
-        + _wide(_worst_table(summary), "The worst poses")
-        + f'<div class="controls">{buttons}</div>'
-        + _wide(workspace_tables.check_table(summary.check.dataset))
-    )
+def _worst(summary: RobotSummary) -> dict[str, Any]:
+    data = summary.check.dataset
+    return {
+        "counts": " × ".join(str(data.sizes[name]) for name in "xyz"),
+        "table": _worst_table(summary),
+        "check": workspace_tables.check_table(data),
+    }
 
 
 def _worst_table(summary: RobotSummary) -> Table:
@@ -254,14 +241,19 @@ def _verdict(view: View) -> str:
     return f"[green]{name}[/]" if view.agreement.agrees else f"[red]{name}[/]"
 
 
-def _maps(summary: RobotSummary) -> str:
-    dataset, data = summary.plane, summary.check.dataset
-    if dataset is None:
+def _place(summary: RobotSummary) -> str:
+    """Where the plane of the maps is; empty for planar robots."""
+    if summary.plane is None or summary.robot.mobility != "spatial":
         return ""
-    place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (summary.robot.mobility == "spatial")
-    note = f"Maps{place}, where the first of the worst poses lies." if place and summary.worst else ""
+    return f" at y = {_short(1e3 * float(summary.plane['y'][0]))} mm"
+
+
+def _maps(summary: RobotSummary) -> list[dict[str, str]]:
+    dataset, data, place = summary.plane, summary.check.dataset, _place(summary)
+    if dataset is None:
+        return []
     figures = [
-        _figure(maps.draw_elastic_map(dataset, names=[name]), f"{title}{place}, {_range(dataset, name)}", explanation)
+        _map(maps.draw_elastic_map(dataset, names=[name]), f"{title}{place}, {_range(dataset, name)}", explanation)
         for name, (title, explanation) in _MAPS.items()
         if name in dataset
     ]
@@ -274,8 +266,8 @@ def _maps(summary: RobotSummary) -> str:
         explanation = (
             "Worst outcome along y over the poses settled in MuJoCo, and the difference between the two methods."
         )
-        figures.append(_figure(maps.draw_agreement_map(across), title, explanation, "both"))
-    return f'{html.sentences(note)}<div class="maps">{"".join(figures)}</div>'
+        figures.append(_map(maps.draw_agreement_map(across), title, explanation, "both"))
+    return figures
 
 
 def _range(dataset: Any, name: str) -> str:
@@ -290,55 +282,22 @@ def _range(dataset: Any, name: str) -> str:
     return f"from {least} to {most}"
 
 
-def _figure(figure: Figure, title: str, explanation: str, kind: str = "one") -> str:
+def _map(figure: Figure, title: str, explanation: str, kind: str = "one") -> dict[str, str]:
     from cdpr_sim.drawing.axes import encoded
 
-    picture = f'<img alt="Map: {escape(title)}." src="{html.data(encoded(figure, "svg"), "image/svg+xml")}">'
-    return (
-        f'<figure class="{kind}">{_scrolling(picture, title)}'
-        f"<figcaption><b>{escape(title)}.</b> {escape(explanation)}</figcaption></figure>"
-    )
+    source = html.data(encoded(figure, "svg"), "image/svg+xml")
+    return {"title": title, "explanation": explanation, "kind": kind, "source": source}
 
 
-def _video(summary: RobotSummary) -> str:
+def _video(summary: RobotSummary) -> dict[str, Any] | None:
     motion = summary.motion
     if motion is None:
-        return ""
+        return None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         write_both_methods(path, [motion], seconds=len(motion) / VIDEO_RATE, fps=VIDEO_RATE, size=VIDEO_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
-    caption = (
-        f"Video: the winches drive {summary.robot.name} along x through its workspace in MuJoCo; the yellow "
-        "outline is the static solver's pose."
-    )
-    return (
-        f'<figure><video controls loop muted playsinline preload="auto" aria-label="{escape(caption)}" src="{source}">'
-        f"</video><figcaption>{escape(caption)}</figcaption></figure>{_wide(trajectory_table(motion))}"
-    )
-
-
-def _numbers(summary: RobotSummary) -> str:
-    robot = summary.robot
-    modes = [] if summary.modes is None else [_wide(modes_table(summary.modes))]
-    notes = html.sentences(*map(plain, (*robot.warnings, *robot.notes)))
-    return "".join([_wide(robot_table(robot)), _wide(cables_table(robot)), *modes, notes])
-
-
-def _explained(summary: RobotSummary) -> str:
-    return html.sentences(
-        "A [bold]cable-driven parallel robot[/] moves a platform by winding cables. Cables are elastic and can only "
-        "pull. Rest lengths computed for rigid cables therefore do not hold the platform at the [bold]commanded[/] "
-        "pose: it deviates in position and tilts, and some cables become [bold]slack[/].",
-        "The equilibrium is computed by two methods that share no physics code: [bold]MuJoCo[/] simulates a model "
-        "until it settles, and [bold]Newton[/] solves for the pose where all forces balance. Each column is headed by "
-        "the method of its results. The methods [bold]agree[/] if position, rotation, tensions and slack cables are "
-        "the same and each finds the other's pose in equilibrium. They agree [bold]except neutral[/] directions if the "
-        "platform is neutrally stable: it has a continuum of equilibria, and the methods stop at different ones.",
-        "[bold]Deviation[/] is the distance of the platform from the commanded position, [bold]deviation -z[/] its "
-        "downward component, [bold]tilt[/] the angle between the platform's z axis and the vertical.",
-        *map(plain, summary.missing),
-    )
+    return {"robot": summary.robot.name, "source": source, "table": trajectory_table(motion)}
 
 
 def _description(robot: Robot, view: View) -> str:
@@ -387,7 +346,7 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     pose = view.problem.pose if settled is None else settled.pose
     anchors = pose.apply(robot.anchors)
     # Without an equilibrium there is no cable profile: cables are drawn straight.
-    cabling = robot.cabling if settled is not None else robot.replace(linear_density=0.0).cabling
+    cabling = robot.cabling if settled is not None else without_mass(robot).cabling
     cables = []
     for cable, anchor in enumerate(anchors):
         slack = settled is not None and bool(settled.slack[cable])
@@ -419,12 +378,3 @@ def _rounded(values: np.ndarray) -> list:
 def _embedded(value: dict[str, Any]) -> str:
     """JSON escaped so that its content cannot close the script element."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _wide(table: Table, title: str = "") -> str:
-    """A table with its own scroll bar on a narrow page."""
-    return _scrolling(html.table(table), title or " ".join(Text.from_markup(str(table.title)).plain.split()))
-
-
-def _scrolling(content: str, label: str) -> str:
-    return f'<div class="wide-content" tabindex="0" role="region" aria-label="{escape(label)}">{content}</div>'

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from cdpr_sim.crosscheck.problem_set import LEVELS
+from cdpr_sim.crosscheck.score import Outcome, Score
 from cdpr_sim.report.table_style import new_table
-from cdpr_sim.studies.problem_set import LEVELS
-from cdpr_sim.studies.score import Outcome, Score
 
 
 def score_table(scores: Sequence[Score]) -> Table:

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 32_768
-"""Poses per task: half a second and 20 MB (``scripts/measure_constants.py``), long in comparison with Dask's overhead
-per task and small in comparison with memory."""
+"""Poses per task: half a second and 20 MB (``scripts/dev/measure_constants.py``), long in comparison with Dask's
+overhead per task and small in comparison with memory."""
 
 TASKS, LEAST_CHUNK = 8, 2_500
 """A small sweep is divided too, into this many tasks, unless they would have fewer poses than this."""

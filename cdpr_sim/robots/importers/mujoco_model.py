@@ -1,16 +1,17 @@
 """Robots in MuJoCo's XML (MJCF): a platform on spatial tendons from site to site, as this package's own models.
 
-Each tendon with a stiffness that ends in two sites, one on the platform and one in the world, is a cable. MuJoCo's
-spring is linear with the constant k beyond the upper ``springlength``, so that EA is their product. Attributes come
-from ``<default>`` classes as in MuJoCo. The body with a free joint is the platform; with two slides and a hinge in the
-x-z plane, that of a planar robot. MuJoCo itself is not needed.
+MuJoCo compiles the file, so that defaults, included files and every kind of orientation are read as it reads them. Each
+tendon with a stiffness that ends in two sites, one on the platform and one in the world, is a cable. MuJoCo's spring is
+linear with the constant k beyond the upper ``springlength``, so that EA is their product. The body with a free joint is
+the platform; with two slides and a hinge in the x-z plane, that of a planar robot.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -18,212 +19,135 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.robots.importers.documents import spelled
-from cdpr_sim.robots.importers.draft import Draft, symmetric
+from cdpr_sim.robots.importers.draft import Draft
 
 TITLE = "MuJoCo's XML"
 MARKS = {"mujoco"}
 
-DEEPEST = 100
-"""Largest depth of nested bodies and default classes."""
-
 DIGITS = 14
 """Significant digits of EA: stiffness times length rounds in the sixteenth."""
 
+DRAWN = 1e-100
+"""[N/m] Tendons of a smaller stiffness pull nothing: scenes of this package have such ones for MuJoCo to draw."""
+
 PLANAR = {("slide", (1.0, 0.0, 0.0)), ("slide", (0.0, 0.0, 1.0)), ("hinge", (0.0, 1.0, 0.0))}
 """Type and axis of the joints of a planar platform."""
-
-TURNED = ("axisangle", "euler", "xyaxes", "zaxis")
-"""Orientations other than quaternions, which are not read."""
-
-
-class _Site(NamedTuple):
-    """Position in the frame of the world or of the platform, and in which."""
-
-    position: np.ndarray
-    of_platform: bool
 
 
 def read(document: Element, path: Path) -> Draft:
     """The robot of such a file.
 
     Raises:
-        InvalidInput: something is missing or invalid, or has no counterpart.
+        InvalidInput: MuJoCo does not compile it, something is missing, or has no counterpart.
     """
-    if document.find(".//include") is not None:
-        raise InvalidInput("<include>: found one, expected a model in a single file")
-    for one in document.iterfind("tendon/*"):
-        if one.find("geom") is not None or one.find("pulley") is not None:
-            raise InvalidInput(
-                f"tendon {shown(one.get('name', ''))}: found a wheel or a pulley on its path, "
-                "expected two sites and no pulley"
-            )
-    model = _Reader(document)
-    if model.platform is None:
-        raise InvalidInput("<body>: found none with a free joint, expected the platform")
-    cables = [one for one in document.iterfind("tendon/*") if model.stiffness(one) > 0]
+    import mujoco
+
+    if any("nan" in value.lower().split() for one in document.iter() for value in one.attrib.values()):
+        raise InvalidInput("found nan, expected finite numbers")  # MuJoCo would warn, and go on
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise InvalidInput(f"found what MuJoCo does not compile: {' '.join(str(error).split())}") from None
+    platform, planar = _platform(model)
+    notes: list[str] = []
+    world, plate = _fixed_to(model, 0), _fixed_to(model, platform)
+    springs = np.flatnonzero(model.tendon_stiffness > DRAWN)
+    cables = [_cable(model, one, world, plate, notes) for one in springs.tolist()]
     if not cables:
         raise InvalidInput("<tendon>: found no spatial tendon with a stiffness, expected the cables")
-    notes: list[str] = []
-    exits, anchors, EA = zip(*(model.cable(cable, notes) for cable in cables), strict=True)
-    inertial = model.platform.find("inertial")
-    if inertial is None:
-        raise InvalidInput("<body>: found no <inertial> of the platform, expected its mass")
-    gravity = _numbers(document.find("option"), "gravity", 3, (0.0, 0.0, -9.81))
-    if gravity[0] or gravity[1] or gravity[2] > 0:
-        raise InvalidInput(f"<option> gravity: found {shown(gravity.tolist())}, expected one along -z")
-    size = next(
-        (2 * _numbers(one, "size", 3) for one in model.platform.iterfind("geom") if one.get("type") == "box"), None
-    )
+    exits, anchors, EA = zip(*cables, strict=True)
+    x, y, z = model.opt.gravity
+    if x or y or z > 0:
+        raise InvalidInput(f"<option> gravity: found {shown([x, y, z])}, expected one along -z")
+    mass, center, inertia = _inertia(model, plate)
+    boxes = (model.geom_bodyid == platform) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)
     return Draft(
         name=document.get("model", path.stem),
         exits=exits,
         anchors=anchors,
-        mass=float(_numbers(inertial, "mass", 1)[0]),
+        mass=mass,
         axial_stiffness=EA,
-        center_of_mass=_numbers(inertial, "pos", 3, (0.0, 0.0, 0.0)),
-        inertia=_inertia(inertial),
-        plane="xz" if model.planar else None,
-        gravity=float(-gravity[2]),
-        platform_size=size,
-        home=_numbers(model.platform, "pos", 3, (0.0, 0.0, 0.0)),
+        center_of_mass=center,
+        inertia=inertia,
+        plane="xz" if planar else None,
+        gravity=float(-z),
+        platform_size=2 * model.geom_size[boxes][0] if boxes.any() else None,
+        home=world[int(model.body_parentid[platform])].apply(model.body_pos[platform]),
         notes=notes,
     )
 
 
-class _Reader:
-    """Sites, default classes and the platform of a model."""
+def _platform(model: Any) -> tuple[int, bool]:
+    """Index of the only body with joints, and whether it is that of a planar robot."""
+    import mujoco
 
-    def __init__(self, document: Element) -> None:
-        self.sites: dict[str, _Site] = {}
-        self.classes: dict[str, dict[str, dict[str, str]]] = {"main": {}}
-        self.platform: Element | None = None
-        self.planar = False
-        self.at = RigidTransform.identity()
-        for one in document.iterfind("default"):
-            self._read_class(one, {}, 0)
-        world = document.find("worldbody")
-        if world is None:
-            raise InvalidInput("<mujoco>: missing <worldbody>")
-        self._read_body(world, RigidTransform.identity(), False, 0)
-
-    def attributes(self, element: Element) -> Mapping[str, str]:
-        """Attributes of an element with those of its default class."""
-        name = element.get("class", "main")
-        if name not in self.classes:
-            raise InvalidInput(f"<{element.tag[:40]}>: found the class {shown(name)}, expected one of <default>")
-        return self.classes[name].get("tendon" if element.tag == "spatial" else element.tag, {}) | element.attrib
-
-    def stiffness(self, tendon: Element) -> float:
-        return float(_numbers_of(f"<{tendon.tag[:40]}>", self.attributes(tendon), "stiffness", None, (0.0,))[0])
-
-    def cable(self, tendon: Element, notes: list[str]) -> tuple[np.ndarray, np.ndarray, float]:
-        """Exit, anchor and EA of a tendon."""
-        name = f"tendon {shown(tendon.get('name', ''))}"
-        ends = [one.get("site", "") for one in tendon if one.tag == "site"]
-        if tendon.tag != "spatial" or len(tendon) != 2 or len(ends) != 2:
-            raise InvalidInput(f"{name}: found {len(tendon)} points on its path, expected two sites and no pulley")
-        missing = [site for site in ends if site not in self.sites]
-        if missing:
-            raise InvalidInput(f"{name}: found no site {shown(missing[0])}")
-        first, second = (self.sites[site] for site in ends)
-        if first.of_platform == second.of_platform:
-            raise InvalidInput(
-                f"{name}: found both ends on one body, expected one on the platform and one in the world"
-            )
-        exit, anchor = (second, first) if first.of_platform else (first, second)
-        given = self.attributes(tendon)
-        spring = _numbers_of(name, given, "springlength", None, (-1.0,))
-        length = float(spring[-1])
-        if length < 0:
-            length = float(np.linalg.norm(self.at.apply(anchor.position) - exit.position))
-        if len(spring) == 1 or spring[0] > 0:
-            notes.append(f"The spring of {name} pushes as well when it is shorter; here it is a cable.")
-        if not length > 0:
-            raise InvalidInput(f"{name}: found a rest length of {length:g} m, expected a positive one")
-        return exit.position, anchor.position, float(f"{self.stiffness(tendon) * length:.{DIGITS}g}")
-
-    def _read_class(self, element: Element, inherited: Mapping[str, Mapping[str, str]], depth: int) -> None:
-        if depth > DEEPEST:
-            raise InvalidInput("<default>: found classes nested too deeply")
-        own = {tag: dict(given) for tag, given in inherited.items()}
-        for one in element:
-            if one.tag != "default":
-                own[one.tag] = own.get(one.tag, {}) | one.attrib
-        self.classes[element.get("class", "main")] = own
-        for one in element.iterfind("default"):
-            self._read_class(one, own, depth + 1)
-
-    def _read_body(self, body: Element, at: RigidTransform, of_platform: bool, depth: int) -> None:
-        """Sites of a body and of those in it that are fixed to it; ``at`` is where it is in world or platform."""
-        if depth > DEEPEST:
-            raise InvalidInput("<body>: found bodies nested too deeply")
-        for site in body.iterfind("site"):
-            position = at.apply(_numbers_of("<site>", self.attributes(site), "pos", 3, (0.0, 0.0, 0.0)))
-            self.sites[site.get("name", "")] = _Site(position, of_platform)
-        for one in body.iterfind("body"):
-            joints = [*one.iterfind("freejoint"), *one.iterfind("joint")]
-            placed = at * _pose(one)
-            if not joints:
-                self._read_body(one, placed, of_platform, depth + 1)
-            elif of_platform or self.platform is not None:
-                raise InvalidInput("<body>: found a second one with joints, expected a single rigid platform")
-            else:
-                self._check_platform(one, joints)
-                self.platform, self.at = one, placed
-                self._read_body(one, RigidTransform.identity(), True, depth + 1)
-
-    def _check_platform(self, body: Element, joints: list[Element]) -> None:
-        kinds = {
-            (given.get("type", "hinge"), tuple(_numbers_of("<joint>", given, "axis", 3, (0.0, 0.0, 1.0)).tolist()))
-            for given in map(self.attributes, joints)
-        }
-        free = len(joints) == 1 and (joints[0].tag == "freejoint" or next(iter(kinds))[0] == "free")
-        self.planar = kinds == PLANAR and len(joints) == 3
-        if not free and not self.planar:
-            raise InvalidInput(
-                f"<body name={shown(body.get('name', ''))}>: found {len(joints)} joints, expected a free one, or two "
-                "slides and a hinge in the x-z plane"
-            )
+    moving = np.flatnonzero(model.body_jntnum)
+    if not len(moving):
+        raise InvalidInput("<body>: found none with a free joint, expected the platform")
+    if len(moving) > 1:
+        raise InvalidInput("<body>: found a second one with joints, expected a single rigid platform")
+    names = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
+    planar = len(names) == 3 and set(zip(names, map(tuple, model.jnt_axis.tolist()), strict=True)) == PLANAR
+    if names != ["free"] and not planar:
+        raise InvalidInput(
+            f"<body name={shown(model.body(moving[0]).name)}>: found {len(names)} joints, expected a free one, or two "
+            "slides and a hinge in the x-z plane"
+        )
+    return int(moving[0]), planar
 
 
-def _pose(body: Element) -> RigidTransform:
-    turned = [name for name in TURNED if body.get(name) is not None]
-    if turned:
-        raise InvalidInput(f"<body>: found {turned[0]}, expected a quaternion, quat")
-    quaternion = _numbers(body, "quat", 4, (1.0, 0.0, 0.0, 0.0))
-    if not np.linalg.norm(quaternion) > 0:
-        raise InvalidInput(f"<body> quat: found {shown(quaternion.tolist())}, expected a rotation")
-    return RigidTransform.from_components(
-        _numbers(body, "pos", 3, (0.0, 0.0, 0.0)), Rotation.from_quat(quaternion, scalar_first=True)
-    )
+def _fixed_to(model: Any, root: int) -> dict[int, RigidTransform]:
+    """The bodies that are fixed to one, itself included, and where they are in it."""
+    places = {root: RigidTransform.identity()}
+    for body in range(root + 1, model.nbody):  # a body follows the one that it is in
+        within = int(model.body_parentid[body])
+        if within in places and not model.body_jntnum[body]:
+            places[body] = places[within] * _placed(model.body_pos[body], model.body_quat[body])
+    return places
 
 
-def _inertia(inertial: Element) -> np.ndarray | None:
-    """The matrix about the centre of mass in the platform's axes; None where it is not given."""
-    if inertial.get("fullinertia") is not None:
-        return symmetric(*_numbers(inertial, "fullinertia", 6))
-    if inertial.get("diaginertia") is None:
-        return None
-    turn = _pose(inertial).rotation.as_matrix()
-    return turn @ np.diag(_numbers(inertial, "diaginertia", 3)) @ turn.T
+def _placed(position: np.ndarray, quaternion: np.ndarray) -> RigidTransform:
+    return RigidTransform.from_components(position, Rotation.from_quat(quaternion, scalar_first=True))
 
 
-def _numbers(element: Element | None, name: str, count: int, default: tuple[float, ...] | None = None) -> np.ndarray:
-    tag = "option" if element is None else element.tag[:40]
-    return _numbers_of(f"<{tag}>", {} if element is None else element.attrib, name, count, default)
+def _cable(
+    model: Any, tendon: int, world: dict[int, RigidTransform], plate: dict[int, RigidTransform], notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Exit, anchor and EA of a tendon."""
+    import mujoco
+
+    name = f"tendon {shown(model.tendon(tendon).name)}"
+    path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    kinds, sites = model.wrap_type[path], model.wrap_objid[path]
+    if kinds.tolist() != [mujoco.mjtWrap.mjWRAP_SITE] * 2:
+        raise InvalidInput(f"{name}: found {len(kinds)} points on its path, expected two sites and no wheel or pulley")
+    if model.tendon_stiffnesspoly[tendon].any():
+        raise InvalidInput(f"{name}: found a stiffness with further coefficients, expected a linear spring")
+    bodies = [int(body) for body in model.site_bodyid[sites]]
+    if (bodies[0] in plate) == (bodies[1] in plate):
+        raise InvalidInput(f"{name}: found both ends on one body, expected one on the platform and one in the world")
+    ends = [(plate if body in plate else world)[body].apply(model.site_pos[site])
+            for body, site in zip(bodies, sites, strict=True)]  # fmt: skip
+    exit, anchor = reversed(ends) if bodies[0] in plate else ends
+    least, length = model.tendon_lengthspring[tendon]
+    if least > 0:
+        notes.append(f"The spring of {name} pushes as well when it is shorter; here it is a cable.")
+    if not length > 0:
+        raise InvalidInput(f"{name}: found a rest length of {length:g} m, expected a positive one")
+    return exit, anchor, float(f"{model.tendon_stiffness[tendon] * length:.{DIGITS}g}")
 
 
-def _numbers_of(
-    where: str, given: Mapping[str, str], name: str, count: int | None, default: tuple[float, ...] | None = None
-) -> np.ndarray:
-    """Numbers of an attribute; any one or two with ``count`` None."""
-    text = given.get(name)
-    if text is None:
-        if default is None:
-            raise InvalidInput(f"{where}: missing {name}")
-        return np.array(default)
-    words = text.split()
-    if count is None:
-        count = 2 if len(words) == 2 else 1
-    return spelled(f"{where} {name}", words, (count,))
+def _inertia(model: Any, plate: dict[int, RigidTransform]) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre of mass and inertia about it of all bodies of the platform, in the platform's axes."""
+    bodies = [body for body in plate if model.body_mass[body] > 0]
+    masses = model.body_mass[bodies]
+    places = [plate[body] * _placed(model.body_ipos[body], model.body_iquat[body]) for body in bodies]
+    centers = np.array([place.translation for place in places])
+    center = centers[0] + masses @ (centers - centers[0]) / masses.sum()
+    inertia = np.zeros((3, 3))
+    for body, mass, place in zip(bodies, masses, places, strict=True):
+        turn, off = place.rotation.as_matrix(), place.translation - center
+        inertia += turn @ np.diag(model.body_inertia[body]) @ turn.T + mass * (
+            off @ off * np.eye(3) - np.outer(off, off)
+        )
+    return float(masses.sum()), center, inertia

@@ -1,0 +1,112 @@
+"""Friction of any model at rest: least shares and closest forces by their duals, and what creeps is not at rest."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.anymodel import evidence
+from cdpr_sim.anymodel.friction_limits import closest, least_share, shares
+
+G = 9.81
+
+LEAST = 1e-3
+"""Of a share below its limit: as rough as it is computed."""
+
+SLOPE = """<mujoco><option cone="{cone}" gravity="{x} {y} -9.81"/><worldbody><geom type="plane" size="1 1 1"/>
+<body name="box" pos="0 0 .01"><freejoint/><geom type="box" size=".1 .1 .01" friction=".5" priority="1"/></body>
+</worldbody></mujoco>"""
+
+HINGE = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" frictionloss="{loss}"/>
+<geom size=".05" pos=".5 0 0" mass="2"/></body></worldbody></mujoco>"""
+
+CREEPS = [  # speeds after half the time and all of it, and whether that is at rest
+    (0.03, 0.049, True), (0.03, 0.051, False), (0.04, 0.059, True), (0.04, 0.061, False), (0.4, 0.499, True),
+    (0.6, 0.501, False),
+]  # fmt: skip
+
+
+def cones_of(random: np.random.Generator) -> tuple:
+    """A matrix of generalised forces, the cone of each row, and which cones are pyramids."""
+    sizes = random.integers(1, 4, 6)
+    cones = np.repeat(np.arange(6), sizes)
+    return random.normal(size=(5, len(cones))), cones, random.random(6) < 0.5
+
+
+def most(slope: np.ndarray, cones: np.ndarray, corners: np.ndarray) -> float:
+    """The largest of slope · use within all cones: the dual norms of each cone."""
+    parts = [slope[cones == cone] for cone in range(len(corners))]
+    return sum(
+        np.abs(part).max() if corner else np.linalg.norm(part) for part, corner in zip(parts, corners, strict=True)
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_closest_friction_and_the_least_share_are_proved_by_their_duals(seed):
+    """No friction within the cones comes closer to a load, and none carries it with 1 % less than the least share."""
+    random = np.random.default_rng(seed)
+    matrix, cones, corners = cones_of(random)
+    carried = 0.2 * random.normal(size=len(cones))
+    for load in (matrix @ (0.05 * carried), matrix @ (100 * carried)):
+        use = closest(matrix, load, cones, corners)
+        left = matrix @ use - load
+        assert shares(use, cones, corners).max() <= 1 + 1e-9
+        slope = matrix.T @ left
+        assert slope @ use + most(-slope, cones, corners) <= 1e-6 * (load @ load)
+    assert np.linalg.norm(left) > 1
+    start = np.linalg.lstsq(matrix, matrix @ carried, rcond=None)[0]
+    use = least_share(matrix, matrix @ carried, start, cones, corners)
+    share = shares(use, cones, corners).max()
+    np.testing.assert_allclose(matrix @ use, matrix @ carried, rtol=0, atol=1e-9)
+    assert share < min(1, shares(start, cones, corners).max())
+    load = matrix @ carried / ((1 - 10 * LEAST) * share)
+    left = matrix @ closest(matrix, load, cones, corners) - load
+    assert -left @ load > most(-matrix.T @ left, cones, corners)  # beyond all that friction can do along what is left
+
+
+def test_shares_are_norms_of_cones_and_sums_of_pyramids():
+    """A row alone, a cone of (0.3, 0.4), a pyramid of (0.3, −0.4)."""
+    found = shares(np.array([-0.6, 0.3, 0.4, 0.3, -0.4]), np.array([0, 1, 1, 2, 2]), np.array([False, False, True]))
+    assert found == pytest.approx([0.6, 0.5, 0.7])
+
+
+@pytest.mark.parametrize(("cone", "share"), [("elliptic", 0.5), ("pyramidal", 0.7)])
+def test_contacts_share_a_load_across_two_directions(cone, share):
+    """A flat plate on a slope of 0.15 by 0.2 with a coefficient of 0.5: 0.25 in all, 0.35 along a pyramid's edges."""
+    model = mujoco.MjModel.from_xml_string(SLOPE.format(cone=cone, x=0.15 * G, y=0.2 * G))
+    found = cdpr.settle_model(model)
+    weight = model.body_mass.sum() * G
+    assert found.friction_share == pytest.approx(share, rel=0.05)
+    assert {one.bodies for one in found.contact_forces} == {("world", "box")}
+    assert sum(one.normal for one in found.contact_forces) == pytest.approx(weight, rel=1e-6)
+    assert sum(one.friction for one in found.contact_forces) == pytest.approx(0.25 * weight, rel=1e-3)
+    assert [one.share for one in found.contact_forces] == pytest.approx([share] * 4, rel=0.05)
+    for one in found.contact_forces:
+        assert one.friction == pytest.approx(0.25 * one.normal, rel=0.05)
+        assert np.abs(one.position[:2]) == pytest.approx([0.1, 0.1], abs=1e-3)
+
+
+def test_friction_loss_of_a_joint_holds_up_to_its_limit():
+    """m g l of 9.81 N m against 12 N m; with 9 N m the arm falls to where the rest is carried: cos = 9 / 9.81."""
+    held = cdpr.settle_model(mujoco.MjModel.from_xml_string(HINGE.format(loss=12)))
+    assert held.qpos == pytest.approx([0], abs=1e-2)
+    assert held.friction == pytest.approx([-2 * G * 0.5 * np.cos(held.qpos[0])], rel=1e-6)
+    assert held.friction_share == pytest.approx(G * np.cos(held.qpos[0]) / 12, rel=1e-6)
+    fallen = cdpr.settle_model(mujoco.MjModel.from_xml_string(HINGE.format(loss=9)))
+    assert fallen.qpos[0] > np.arccos(9 / G) - 1e-6
+    assert fallen.friction_share <= 1
+
+
+@pytest.mark.parametrize(("half", "speed", "rests"), CREEPS)
+def test_what_moves_ever_faster_does_not_rest_on_friction(half, speed, rests, monkeypatch):
+    """Creep of more than 0.05 m/s that grows by half within half the time, or of 0.5 m/s; without friction it may."""
+    monkeypatch.setattr(evidence, "creep_of", lambda *asked: (half, speed))
+    model = mujoco.MjModel.from_xml_string(HINGE.format(loss=12))
+    if rests:
+        found = cdpr.settle_model(model)
+        assert found.creep == speed
+    else:
+        with pytest.raises(cdpr.NotSettled, match=f"friction could hold, but after 0.5 s it moves at {speed:.2g} m/s"):
+            cdpr.settle_model(model)
+    free = mujoco.MjModel.from_xml_string(HINGE.format(loss=0))
+    assert cdpr.settle_model(free).creep == speed
