@@ -1,5 +1,7 @@
 """Balance of forces at a pose: what is left of the net force after the friction that holds."""
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 from collections.abc import Callable

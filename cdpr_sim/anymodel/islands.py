@@ -56,6 +56,6 @@ def _coupled(model: Any, data: Any) -> Iterator[np.ndarray]:
 
 def coordinates_of(model: Any, dofs: Int[np.ndarray, " n"]) -> Int[np.ndarray, " coordinates"]:
     """The coordinates of ``qpos`` that belong to the joints of degrees of freedom."""
-    ends = np.append(model.jnt_qposadr[1:], model.nq)
-    spans = [np.arange(model.jnt_qposadr[joint], ends[joint]) for joint in np.unique(model.dof_jntid[dofs])]
+    ends = np.append(model.jnt_qposadr[1:], model.nq).tolist()
+    spans = [np.arange(int(model.jnt_qposadr[joint]), ends[joint]) for joint in np.unique(model.dof_jntid[dofs])]
     return np.concatenate([np.zeros(0, dtype=int), *spans])
