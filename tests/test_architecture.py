@@ -68,7 +68,7 @@ CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as
 
 NAME_A_PROPERTY = {
     "analysis.workspace.sweep", "jax", "physics.batch", "physics.release", "physics.rope_motion",
-    "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
+    "physics.motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
     "physics.winches",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""

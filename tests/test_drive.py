@@ -41,7 +41,7 @@ SLOW: dict[str, tuple[cdpr.Robot, list, dict[str, Any], float, tuple[float, floa
         {"states": 3, "seconds": 200.0}, 0.5, (5e-6, 1e-5)),
     "parallel": (PARALLEL, [LINE[0], [0.25, 0.25, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
     "planar": (PLANAR, [[0.17, 0, 0.1], [0.25, 0, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
-    "from below": (FROM_BELOW, [[0.3, 0.2, 0.15], [0.325, 0.21, 0.16]], {"states": 6, "seconds": 7.5}, 0.5,
+    "from below": (FROM_BELOW, [[0.3, 0.2, 0.15], [0.325, 0.21, 0.16]], {"states": 6, "seconds": 7.5}, 0.2,
         (2e-6, 4e-6)),
     "crane, far": (CRANE, [[1.0, 1.0, 2.0], [0.2, 0.3, 1.5]], {"states": 6, "seconds": 20.0}, 1.0, (4e-4, 4e-4)),
     "crane": (CRANE, [[1.0, 1.0, 2.0], [0.925, 0.94, 1.97]], {"states": 6, "seconds": 7.5}, 0.4, (1e-4, 1e-4)),

@@ -964,8 +964,8 @@ def _load_robot(at: Case) -> Judge:
 
 
 READ_FROM_MODELS = NO_MEMORY | {
-    "pulley": "expected two sites and no pulley", "law": "<spatial> stiffness: found an array",
-    "mass": "expected a single rigid platform|expected two sites and no pulley",
+    "pulley": "expected a single rigid platform|expected two sites and no wheel or pulley", "law": "<spatial> stiffness: found an array",
+    "mass": "expected a single rigid platform|expected two sites and no wheel or pulley",
 }  # fmt: skip
 
 
