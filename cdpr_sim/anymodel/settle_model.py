@@ -46,6 +46,9 @@ NUDGES = 3
 NUDGE = 0.02
 """[m, rad] The push."""
 
+IN_VAIN = 6
+"""Number of stalls of the motion without a residual of half the size, after which the search ends."""
+
 BESIDE = 1e-6
 """[m, rad] Distance from the result at which time steps begin again, where neither way found it by itself. It is the
 tolerance of the position, so that it shows that the model stays there, and no more: loaded friction lets equilibria lie
@@ -147,14 +150,16 @@ def _settled(
                 raise
     now = time.monotonic()
     alone = by_newton(start, now + SHARE_OF_NEWTON * (deadline - now))
-    motion, found, nudges = Motion(balance, start, dofs), None, 0
+    motion, found, nudges, lowest, in_vain = Motion(balance, start, dofs), None, 0, np.inf, 0
     while True:
         ended = by_motion(motion, deadline)
         polished = by_newton(ended.qpos, deadline)
         if not rests(polished) and rests(ended.qpos):
             polished = ended.qpos
         if not rests(polished):
-            if ended.reason == STALLS:
+            in_vain = in_vain + 1 if ended.residual > lowest / 2 else 0
+            lowest = min(lowest, ended.residual)
+            if ended.reason == STALLS and in_vain < IN_VAIN:
                 continue
             break
         found = Judged.at(balance, polished, dofs)
