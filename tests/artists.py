@@ -109,7 +109,7 @@ def _patch(patch: Patch) -> str:
 def _mesh(mesh: QuadMesh, ax: Axes) -> str:
     across, up = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
     words = f"{mesh.get_cmap().name} from {numbers(mesh.get_clim())}"
-    if ax.get_label() in ("bar", "<colorbar>"):
+    if ax.get_label() == "<colorbar>":
         return f"colours: {words}"
     if isinstance(mesh.get_cmap(), ListedColormap) and mesh.get_cmap().N < 10:
         rows = mesh.to_rgba(np.ma.masked_invalid(mesh.get_array()))
@@ -130,8 +130,6 @@ def _collection(one: Collection) -> str:
         shown.append(" ".join(names) if len(names) < 6 else "several")
     widths = sorted({float(width) for width in np.atleast_1d(one.get_linewidth())})
     shown[-1] += "".join(f" w{width:g}" for width in widths) + in_front(one)
-    if getattr(one, "labelTexts", ()):  # it is cut where they are written
-        return f"{kind}: {' in '.join(shown)}: labelled levels {numbers(one.levels)}"
     return f"{kind}: {' in '.join(shown)}: {numbers(points) if len(points) else 'nothing'}"
 
 
@@ -194,7 +192,8 @@ def _placed(ax: Axes) -> Iterator[str]:
 
 def _axes(ax: Axes) -> Iterator[str]:
     titles = " / ".join(filter(None, (ax.get_title(where) for where in ("left", "center"))))
-    yield f"AXES {ax.get_label() or ''} {titles}"
+    ground = color(ax.get_facecolor())
+    yield f"AXES {ax.get_label() or ''} {titles}{'' if ground == 'white' else f', on {ground}'}"
     yield " ".join(_placed(ax))
     if getattr(ax, "_axis3don", ax.axison):
         yield from (_axis(ax, name) for name in ("xyz" if ax.name == "3d" else "xy"))
@@ -221,7 +220,7 @@ def text_of(figure: Figure) -> str:
     """All of it; words without their line breaks, which depend on the width of letters."""
     lines = [figure.get_suptitle(), figure.get_supxlabel()]
     others = [text for text in figure.texts if text.get_text() not in lines]
-    lines += [f"{numbers(figure.get_size_inches())} inches"]
+    lines += [f"{numbers(figure.get_size_inches().round(1))} inches"]  # a map fits its height to its letters
     lines += [f"text “{text.get_text()}” {lettered(text)}: {numbers(text.get_position())}" for text in others]
     for one in figure.legends:
         lines += _legend(one)

@@ -155,7 +155,8 @@ def test_cables_of_robots_own_files_are_called_by_their_names():
         table = check_table(result.dataset) if isinstance(result, cdpr.Check) else sweep_table(result)
         assert list(table.columns[1].cells) == ["vectran-0.7mm", "EA = 2 kN"]
         draw = maps.draw_agreement_map if isinstance(result, cdpr.Check) else maps.draw_elastic_map
-        assert {"vectran-0.7mm", "EA = 2 kN"} <= {text.get_text() for text in draw(found).texts}
+        headings = {text.get_text() for ax in draw(found).axes for text in ax.texts}
+        assert {"parallel\nvectran-0.7mm", "nameless\nEA = 2 kN"} <= headings
 
 
 def test_platform_that_does_not_rest_is_a_finding(monkeypatch):

@@ -45,6 +45,47 @@ HOOKED = """<mujoco><option><flag contact="disable"/></option><worldbody>
   <equality><connect name="hook" body1="ring" anchor="0 0 0"/>
     <connect name="eye" body1="ring" body2="block" anchor="0 0 0"/></equality></mujoco>"""
 
+
+def chained(link: float) -> str:
+    """A block of 100 kg on four links that soft constraints join."""
+    links = "".join(f'<body name="link_{i}" pos="0 0 {-0.1 * i}"><freejoint/><geom size="0.02" mass="{link}"/></body>'
+                    for i in range(4))  # fmt: skip
+    joins = "".join(f'<connect name="pin_{i}" body1="link_{i}" body2="link_{i + 1}" anchor="0 0 -0.05"/>'
+                    for i in range(3))  # fmt: skip
+    return f"""<mujoco><option><flag contact="disable"/></option><worldbody>{links}
+      <body name="block" pos="0 0 -0.4"><freejoint/><geom size="0.1" mass="100"/></body></worldbody>
+      <equality><connect name="hook" body1="link_0" anchor="0 0 0.05"/>{joins}
+        <connect name="eye" body1="link_3" body2="block" anchor="0 0 -0.05"/></equality></mujoco>"""
+
+
+CART = """<mujoco><option gravity="1e-5 0 -9.81"/><worldbody>
+  <body name="cart"><joint name="rail" type="slide" axis="1 0 0"{joint}/><geom size="0.1" mass="1"/></body>
+  </worldbody></mujoco>"""
+"""A cart on a rail that is not quite level."""
+
+WHEEL = """<mujoco><worldbody><body name="wheel"><joint name="axle" axis="0 0 1" damping="0.1"{joint}/>
+  <geom size="0.1" pos="0.5 0 0" mass="1"/></body></worldbody>
+  <actuator><general joint="axle" biastype="affine" biasprm="1 0 0"/></actuator></mujoco>"""
+"""A wheel with a constant torque."""
+
+WINCH = """<mujoco><worldbody><body name="lift"><joint name="lift" type="slide" axis="0 0 1" damping="20"/>
+  <geom size="0.1" mass="1"/></body></worldbody><actuator><general name="winch" joint="lift" dyntype="integrator"
+  gainprm="100" biastype="affine" biasprm="0 -100 0"{actrange}/></actuator></mujoco>"""
+"""A lift whose servo integrates its control."""
+
+ON_SLOPE = """<mujoco><option gravity="3 0 -9"/><worldbody><geom name="floor" type="plane" size="1 1 1"{friction}/>
+  <body name="box" pos="0 0 0.1"><freejoint name="box"/><geom type="box" size="0.1 0.1 0.1" mass="1"{friction}/></body>
+  </worldbody></mujoco>"""
+
+FLUTTER = """<mujoco><worldbody><body name="arm" euler="0 90 0"><joint name="hinge" axis="0 1 0" damping="{damping}"/>
+  <geom size="0.05" pos="0.5 0 0.01" mass="2"/></body></worldbody>
+  <actuator><general joint="hinge" biastype="affine" biasprm="0 0 0.5"/></actuator></mujoco>"""
+"""A pendulum with a drive that follows its speed."""
+
+BELT = """<mujoco><worldbody><geom name="belt" type="plane" size="1 1 0.1"{velocity}/>
+  <body name="box" pos="0 0 0.1"><freejoint name="box"/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+  </worldbody></mujoco>"""
+
 BALL = """<mujoco><worldbody><body name="ball"{gravcomp}><freejoint name="free"/><geom size="0.1" mass="1"/></body>
   </worldbody></mujoco>"""
 
@@ -121,6 +162,14 @@ def fallen(xml: str) -> float:
     return -float(stepped(xml, 1.0)[1].qpos[2])
 
 
+def moved(xml: str) -> float:
+    """Largest change of a coordinate from the fifth to the sixth second [m, rad], at a control of 1."""
+    model, data = stepped(xml, 5.0, **({"ctrl": 1.0} if "integrator" in xml else {}))
+    before = data.qpos.copy()
+    mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
+    return float(np.abs(data.qpos - before).max())
+
+
 REVERSED = '<general name="winch" tendon="cable" gear="-2" gainprm="-1" ctrlrange="-9 4" {}/>'
 
 FINDINGS = {
@@ -195,6 +244,35 @@ FINDINGS = {
         HOOKED.format(ring=0.5), HOOKED.format(ring=50),
         FindingKind.MASSES, "equality 'hook'", lambda xml: -float(stepped(xml, 5.0)[1].qpos[2]), 9e-3, 1e-3,
     ),
+    "a chain of light links": (
+        chained(0.5), chained(50),
+        FindingKind.MASSES, "equality 'pin_1'", lambda xml: -0.4 - float(stepped(xml, 5.0)[1].body("block").xpos[2]),
+        0.2, 0.01,
+    ),
+    "a mechanism": (
+        CART.format(joint=""), CART.format(joint=' stiffness="1" damping="1"'),
+        FindingKind.NO_REST, "joint 'rail'", moved, 5e-5, 1e-6,
+    ),
+    "a wheel that turns": (
+        WHEEL.format(joint=""), WHEEL.format(joint=' range="-90 90"'),
+        FindingKind.NO_REST, "joint 'axle'", moved, 1.0, 1e-6,
+    ),
+    "an integrator": (
+        WINCH.format(actrange=""), WINCH.format(actrange=' actlimited="true" actrange="0 1"'),
+        FindingKind.NO_REST, "model", moved, 0.5, 1e-6,
+    ),
+    "a slope that is too steep": (
+        ON_SLOPE.format(friction=' friction="0.1"'), ON_SLOPE.format(friction=' friction="0.5"'),
+        FindingKind.NO_REST, "joint 'box'", moved, 1.0, 0.01,
+    ),
+    "a drive that feeds a swing": (
+        FLUTTER.format(damping=0), FLUTTER.format(damping=3),
+        FindingKind.NO_REST, "joint 'hinge'", moved, 0.1, 1e-3,
+    ),
+    "a belt": (
+        BELT.format(velocity=' surfacevel="1 0 0"'), BELT.format(velocity=""),
+        FindingKind.NO_REST, "joint 'box'", moved, 0.5, 1e-3,
+    ),
     "a body that nothing holds": (
         BALL.format(gravcomp=""), BALL.format(gravcomp=' gravcomp="1"'),
         FindingKind.UNSUPPORTED, "joint 'free'", fallen, 1.0, 1e-9,
@@ -205,7 +283,9 @@ FINDINGS = {
 
 def found_in(xml: str, kind: FindingKind) -> list:
     """Findings of one kind."""
-    return [one for one in cdpr.diagnose_model(mujoco.MjModel.from_xml_string(xml)) if one.kind is kind]
+    model = mujoco.MjModel.from_xml_string(xml)
+    ctrl = np.ones(model.nu) if "integrator" in xml else None
+    return [one for one in cdpr.diagnose_model(model, ctrl=ctrl) if one.kind is kind]
 
 
 @pytest.mark.parametrize(

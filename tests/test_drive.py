@@ -41,7 +41,7 @@ SLOW: dict[str, tuple[cdpr.Robot, list, dict[str, Any], float, tuple[float, floa
         {"states": 3, "seconds": 200.0}, 0.5, (5e-6, 1e-5)),
     "parallel": (PARALLEL, [LINE[0], [0.25, 0.25, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
     "planar": (PLANAR, [[0.17, 0, 0.1], [0.25, 0, 0.1]], {"states": 21}, 0.5, (1e-4, 1e-3)),
-    "from below": (FROM_BELOW, [[0.3, 0.2, 0.15], [0.325, 0.21, 0.16]], {"states": 6, "seconds": 7.5}, 0.5,
+    "from below": (FROM_BELOW, [[0.3, 0.2, 0.15], [0.325, 0.21, 0.16]], {"states": 6, "seconds": 7.5}, 0.2,
         (2e-6, 4e-6)),
     "crane, far": (CRANE, [[1.0, 1.0, 2.0], [0.2, 0.3, 1.5]], {"states": 6, "seconds": 20.0}, 1.0, (4e-4, 4e-4)),
     "crane": (CRANE, [[1.0, 1.0, 2.0], [0.925, 0.94, 1.97]], {"states": 6, "seconds": 7.5}, 0.4, (1e-4, 1e-4)),
@@ -175,3 +175,17 @@ def test_released_a_platform_leaves_a_saddle_and_stays_at_a_stable_equilibrium()
     for one in found:
         went = cdpr.release(one, seconds=0.1 if one.stable else 5.0)
         assert (went.stays, went.leaves) == (one.stable, not one.stable), went
+
+
+@pytest.mark.parametrize("move", ["drive", "track"])
+def test_light_cables_do_not_jerk_where_they_become_taut(move):
+    """With 0.5 g/m over wheels, tensions stay near those of massless cables; there were peaks of 53 and 45 N."""
+    robot = cdpr.load_robot("parallel").replace(pulley_radius=0.01)
+    line = [robot.home, robot.home + np.array([0.05, 0, 0])]
+
+    def largest(robot: cdpr.Robot) -> float:
+        if move == "drive":
+            return cdpr.drive(robot, line, seconds=1.0, states=31).tensions.max()
+        return cdpr.track(robot, line, cdpr.RigidLengths(robot), seconds=0.5).tensions.max()
+
+    assert largest(robot.replace(linear_density=5e-4)) < 1.05 * largest(robot)

@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.anymodel.agreement import agreement
+from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.judged import Judged
 
 G = 9.81
 
@@ -113,7 +115,8 @@ def test_poses_are_compared_by_the_tensions_of_nonlinear_tendons():
         "</tendon></mujoco>"
     )
     forces = RestForces(model, mujoco.MjData(model))
-    found = agreement(forces, np.array([0.0]), np.array([-0.01]), [], "start")  # stretched by 0.1 and by 0.11 m
+    judged = Judged.at(Balance(forces, True), np.array([0.0]), np.arange(1))
+    found = agreement(judged, np.array([-0.01]), "start")  # stretched by 0.1 and by 0.11 m
     assert found.tension_error == pytest.approx(0.11 * (100 + 1000 * 0.11) - 0.1 * (100 + 1000 * 0.1), rel=1e-12)
     assert not found.agrees
 
@@ -129,6 +132,31 @@ def test_data_of_another_model_is_refused():
     for ask in (cdpr.settle_model, cdpr.diagnose_model, lambda model, data: cdpr.holding_controls(model, [0.0], data)):
         with pytest.raises(cdpr.InvalidInput, match=r"^data: found \w+ of \d numbers, expected that of the model, \d$"):
             ask(model, other)
+
+
+@pytest.mark.parametrize("field", ["qpos", "ctrl", "qfrc_applied"])
+def test_a_state_that_is_not_finite_is_refused(field):
+    """By its name, before any search."""
+    model = model_of(PENDULUM.format(joint=""), '<actuator><motor joint="hinge"/></actuator>')
+    data = mujoco.MjData(model)
+    getattr(data, field)[:] = np.nan
+    for ask in (cdpr.settle_model, cdpr.diagnose_model, lambda model, data: cdpr.holding_controls(model, [0.0], data)):
+        with pytest.raises(cdpr.InvalidInput, match=f"^data: found {field} that is not finite"):
+            ask(model, data)
+
+
+BELT = """<geom name="belt" type="plane" size="1 1 .1"{}/>
+<body name="box" pos="0 0 .1"><freejoint name="box"/><geom type="box" size=".1 .1 .1" mass="1"/></body>"""
+
+
+def test_a_belt_drives_a_box_for_ever():
+    """By its name, not as an equilibrium or a failure; with a surface that stands still, the box rests."""
+    with pytest.raises(cdpr.NotSettled, match="driven for ever by a surface that moves") as caught:
+        cdpr.settle_model(model_of(BELT.format(' surfacevel="1 0 0"')))
+    assert caught.value.case is cdpr.NoRest.BELT
+    assert caught.value.joints == ("box",)
+    still = model_of(BELT.format(""))
+    assert needed(still, cdpr.settle_model(still)) < JUDGED
 
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])

@@ -21,7 +21,7 @@ from drawn_figures import AWAY, FIGURES, STUDIES, figure, made
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import same_color
+from matplotlib.colors import same_color, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -118,8 +118,8 @@ NUMBERS = [  # figure, which of its axes, gid or label of the line, x, y
     ("real-cables", 3, f"range {EFFECT.robot} {EFFECT.what}", 1e3 * np.sort(EFFECT.shifts)[[10, 19]], [5, 5]),
     ("real-cables", 2, "static DemoBot, parallel from below", [0, 10, 20], 1e3 * np.median(GROWTH.shifts, axis=1)),
     ("real-cables", 2, "mujoco DemoBot, parallel from below", [0, 20], 1e3 * np.median(GROWTH.settled, axis=1)),
-    ("compensation", 0, "… in MuJoCo ", [300, 400], 1e3 * np.array(AWAY["settled_after"])),
-    ("compensation", 3, "rigid lengths", [300, 400], np.degrees(10 * np.array(AWAY["before"]))),
+    ("compensation", 1, "mujoco after", [300, 400], 1e3 * np.array(AWAY["settled_after"])),
+    ("compensation", 4, "static before", [300, 400], np.degrees(10 * np.array(AWAY["before"]))),
     ("controllers", 1, "range rigid lengths", [np.sqrt((away(RUN) ** 2).mean()), away(RUN).max()], [-0.18, -0.18]),
     ("controllers", 3, "tensions rigid lengths", [0.03, RUN.tensions.max()], [-0.18, -0.18]),  # slack: at the edge
     ("front of a design", 0, "NSGA-II, 99 layouts", np.degrees([0.1, 0.2]), [20, 10]),
@@ -173,7 +173,7 @@ def test_every_picture_has_a_title_labels_with_units_and_a_legend(name):
     drawn = figure(name)
     assert len(drawn.get_suptitle()) > 20
     assert len(drawn.get_supxlabel()) > 20
-    for ax in drawn.axes:
+    for ax in (one for one in drawn.axes if one.get_label() != "legend"):
         names = [ax.get_ylabel()] if ax.get_label() == "<colorbar>" else [ax.get_xlabel(), ax.get_ylabel()]
         if hasattr(ax, "get_zlabel"):
             names.append(ax.get_zlabel())
@@ -248,16 +248,12 @@ def test_numbers_do_not_collide(fine):
         boxes = [box for ax in panels(laid_out("maps")) for box in tick_boxes(ax, axis)]
         assert len(boxes) > 4
         assert not touching(boxes)
-    coarse = [(0.2, 0.1), (0.5, 0.3)]
-    for drawn, corners in (
-        (laid_out("maps"), coarse),
-        (laid_out("maps of a line"), coarse),
-        (fine, [(0.1, 0.05), (0.7, 0.4)]),
-    ):
+    for drawn in (laid_out("maps"), laid_out("maps of a line"), fine):
         labels = 0
         for ax in panels(drawn):
-            (x0, y0), (x1, y1) = ax.transData.transform(corners)
-            boxes = [t.get_window_extent() for c in ax.collections for t in getattr(c, "labelTexts", [])]
+            (x0, y0), (x1, y1) = ax.get_window_extent().get_points()
+            texts = [text for one in ax.collections for text in getattr(one, "labelTexts", []) if text.get_visible()]
+            boxes = [text.get_window_extent() for text in texts]
             labels += len(boxes)
             assert all(x0 <= box.x0 <= box.x1 <= x1 and y0 <= box.y0 <= box.y1 <= y1 for box in boxes)
             assert not touching(boxes, 0)
@@ -338,35 +334,50 @@ def meshes(ax) -> list[QuadMesh]:
     return [artist for artist in ax.collections if isinstance(artist, QuadMesh)]
 
 
+def bars(figure):
+    """Axes that are colour bars."""
+    return [ax for ax in figure.axes if ax.get_label() == "<colorbar>"]
+
+
 def test_maps_fill_their_panels():
-    """Whatever part of its frame a grid covers: the cells reach from edge to edge, also of coarse and slender grids."""
-    for plane in ({"x": [0.3, 0.5], "z": [0.1, 0.15, 0.2]}, {"x": np.linspace(0.1, 0.7, 12), "z": [0.2, 0.21]}):
+    """Whatever part of its frame a grid covers: the cells reach from edge to edge, also of coarse and slender grids.
+
+    Bars are as high as their panels; a grid that is too slender is not to scale, else its panel could not be read.
+    """
+    for plane, slope in (
+        ({"x": [0.3, 0.5], "z": [0.1, 0.15, 0.2]}, 0.15 / 0.4),
+        ({"x": np.linspace(0.1, 0.7, 12), "z": [0.2, 0.21]}, maps.SLOPES[0]),
+        ({"x": [0.4, 0.41], "z": [0.1, 0.3]}, maps.SLOPES[1]),
+    ):
         drawn = maps.draw_elastic_map(cdpr.sweep("cogiro", plane, quantities=maps.QUANTITIES), names=["slack_count"])
-        for ax in panels(drawn):
+        drawn.draw_without_rendering()
+        for ax, bar in zip(panels(drawn), bars(drawn), strict=True):
             corners = meshes(ax)[-1].get_coordinates()
             assert [*ax.get_xlim()] == pytest.approx(corners[0, [0, -1], 0], rel=1e-9)
             assert [*ax.get_ylim()] == pytest.approx(corners[[0, -1], 0, 1], rel=1e-9)
-        heights = [ax.get_position().height * drawn.get_figheight() for ax in drawn.axes if ax.get_label() == "bar"]
-        assert min(heights) >= style.MAP_HEIGHT[0] - 1e-9
+            box = ax.get_window_extent()
+            assert box.height / box.width == pytest.approx(slope, rel=0.02)
+            assert bar.get_window_extent().intervaly == pytest.approx(box.intervaly)
 
 
 def test_maps_stand_under_their_names_and_one_robots_are_no_strip():
-    """Robots above their columns, materials above each; above both, the frame to scale; one robot's go two by two."""
-    drawn, middles = laid_out("maps"), []
-    for ax in panels(drawn)[:4]:
-        middles.append(ax.get_position().x0 + ax.get_position().width / 2)
-    above = {text.get_text(): text for text in drawn.texts}
-    columns = [text.get_position()[0] for text in drawn.texts if text.get_text().endswith("mm")]
-    assert columns == pytest.approx(middles)
-    for n, (robot, ax) in enumerate(zip(("parallel", "cogiro"), drawn.axes[-2:], strict=True)):
-        assert above[robot].get_position()[0] == pytest.approx(np.mean(middles[2 * n : 2 * n + 2]))
-        box, name = ax.get_window_extent(), above[robot].get_window_extent()
+    """Robots and materials above each column; above a robot's first, the frame to scale; one robot's go two by two."""
+    drawn = laid_out("maps")
+    first = panels(drawn)[:4]
+    names = [ax.texts[0].get_text() for ax in first]
+    assert names == [f"{name}\n{one}" for name in ("parallel", "cogiro") for one in ("vectran-0.7mm", "fishing-0.4mm")]
+    for ax in first:
+        box, name = ax.get_window_extent(), ax.texts[0].get_window_extent()
+        assert (name.x0, name.y0 > box.y1) == (pytest.approx(box.x0, abs=2), True)
+    assert [len(ax.child_axes) for ax in first] == [1, 0, 1, 0]
+    for ax in first[::2]:
+        box, name = ax.child_axes[0].get_window_extent(), ax.texts[0].get_window_extent()
         assert box.width / box.height == pytest.approx(0.8 / 0.5, rel=0.05)
-        assert box.x0 < name.get_points()[:, 0].mean() < box.x1
         assert name.y1 < box.y0
-    width, height = figure("maps of one robot").get_size_inches()
-    assert 1 < width / height < 2.5
-    assert not touching([ax.get_position() for ax in figure("maps of one robot").axes], 0)
+    drawn = laid_out("maps of one robot")
+    width, height = drawn.get_size_inches()
+    assert 0.8 < width / height < 2.5
+    assert not touching([ax.get_window_extent() for ax in drawn.axes], 0)
 
 
 @pytest.mark.parametrize("plane", [{"x": [0.3, 0.4], "y": [0.2, 0.3]}, {"y": [0.2, 0.25, 0.3], "z": [0.1, 0.2]}])
@@ -386,6 +397,40 @@ def test_a_map_through_all_outcomes_shows_the_worst_and_each_has_a_colour():
     assert any("the worst along y" in text.get_text() for text in drawn.texts)
 
 
+DICHROMATS = {
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+}
+"""Linear RGB as seen without one kind of cones: Machado, Oliveira and Fernandes, doi:10.1109/TVCG.2009.113, table 1."""
+
+APART = 15.0
+"""CIE 1976 colour difference; 2.3 is just noticeable side by side. Green and red of the same lightness have 14."""
+
+
+def as_seen(color: str, eye: str) -> np.ndarray:
+    """CIE L*a*b* of an sRGB colour seen by such an eye."""
+    rgb = np.array(to_rgb(color))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(np.array(DICHROMATS[eye]) @ linear, 0, 1)
+    xyz = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]]) @ seen
+    x, y, z = (np.cbrt(v) if v > 0.00886 else 7.787 * v + 16 / 116 for v in xyz / [0.9505, 1.0, 1.0888])
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("eye", DICHROMATS)
+@pytest.mark.parametrize("name", ["outcomes", "cables left, right, and the feasible workspace", "zones", "feasible"])
+def test_colours_that_mean_different_things_are_told_apart_by_colour_blind_readers(name, eye):
+    """Where colour alone tells them apart, without a line style, a marker or a hatch."""
+    colors = {
+        "outcomes": [*style.MAP_OUTCOMES.values()],
+        "cables left, right, and the feasible workspace": [style.LEFT, style.RIGHT, style.GREEN, style.INK],
+        "zones": ["white", style.ZONES[0][0], style.ZONES[1][0]],
+        "feasible": [style.MAP_FEASIBLE, style.MAP_INFEASIBLE, style.MAP_BORDER],
+    }[name]
+    for a, b in itertools.combinations(colors, 2):
+        assert np.linalg.norm(as_seen(a, eye) - as_seen(b, eye)) > APART, (a, b)
+
+
 @pytest.mark.parametrize("largest", [1e-9, 0.062, 0.3, 1, 1.9, 2.2, 4.9, 7, 41.2, 64, 99.9, 3e5])
 def test_levels_are_three_to_six_round_numbers(largest):
     """1, 2 or 5 times a power of ten apart, the highest within the data."""
@@ -402,7 +447,7 @@ def test_the_smallest_tilt_is_not_told_apart():
     data = cdpr.sweep("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]})
     data["tilt"][:] = np.radians(5e-4)
     (ax,) = panels(maps.draw_elastic_map(data, names=["tilt"]))
-    assert ax.texts[0].get_text() == "less than 0.001°"
+    assert ax.get_title(loc="left") == "less than 0.001°"
 
 
 def border(ax) -> np.ndarray:

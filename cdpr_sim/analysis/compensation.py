@@ -344,7 +344,7 @@ def _tensions_at(
     if not np.all(np.asarray(least) > 0):
         return np.full(problem.robot.cables, np.inf)
     lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
-    stretching = least + problem.robot.cabling.behind
+    stretching = least + problem.robot.cabling.added
     return np.where(lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, problem.robot.cabling.law))
 
 
@@ -576,14 +576,14 @@ def _descend(
         """By how much each cable's length exceeds that of the least rest length."""
         state, _, _ = pulling(unknowns.tobytes())
         strains = _strains(robot, unknowns[count:] * scale)
-        return (state.lengths - least - strains * (least + robot.cabling.behind)) / reach
+        return (state.lengths - least - strains * (least + robot.cabling.added)) / reach
 
     def spare_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "cables unknowns"]:
         state, _, jacobian = pulling(unknowns.tobytes())
         by_step = -robot.cabling.tensions(state.geometry.wrench_matrix).T
         by_step[:, 3:] = by_step[:, 3:] @ jacobian
         softness = 1 / cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, robot.cabling.law)[0]
-        by_tension = np.diag(-(least + robot.cabling.behind) * softness * scale / reach)
+        by_tension = np.diag(-(least + robot.cabling.added) * softness * scale / reach)
         return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]

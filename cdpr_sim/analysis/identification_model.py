@@ -19,21 +19,30 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.identifiability import prediction_error
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.analysis.modes import modes_of
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.cable_path import swivel_angles
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
+OF_ALL_CABLES = {
+    name: one.step
+    for name, one in PROPERTIES.items()
+    if one.step is not None and one.shape == () and name != "axial_stiffness"
+}
+"""Properties of which one number for all cables can be fitted, or for all that run over a wheel."""
+
+POSITIVE = ("axial_stiffness", "mass", *(name for name, step in OF_ALL_CABLES.items() if step.path))
+"""Unknowns that are fitted by their logarithms."""
+
 UNKNOWNS = (
     "axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "rest_length_gains", "mass", "center_of_mass",
-    "exits", "anchors", "winch_to_exit", "pulley_radius", "linear_density", "force_gains", "force_offsets",
-    "angle_zeros", "yaw_zero", "swivel_zeros",
+    "exits", "anchors", *OF_ALL_CABLES, "force_gains", "force_offsets", "angle_zeros", "yaw_zero", "swivel_zeros",
 )  # fmt: skip
 """Unknowns that can be fitted: one EA for all cables, one each; rest lengths are gain times the given one plus offset;
-mass, centre of mass, exits, anchors; one length of rope between winch and exit, one pulley radius and one linear
-density for all cables; a load cell shows gain times tension plus offset; zeros of alpha, beta and gamma, of gamma
-alone, of the swivel angles."""
+mass, centre of mass, exits, anchors; one number for all cables of their other properties; a load cell shows gain times
+tension plus offset; zeros of alpha, beta and gamma, of gamma alone, of the swivel angles."""
 
 PERFECT = {
     "rest_lengths": 0.0, "rest_length_gains": 1.0, "force_gains": 1.0, "force_offsets": 0.0, "angle_zeros": 0.0,
@@ -112,20 +121,20 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
         "center_of_mass": ("center_of_mass", "center_of_mass", "m", [(f" {'xyz'[i]}", (i,)) for i in axes], place),
         "exits": ("exit", "exits", "m", points, place),
         "anchors": ("anchor", "anchors", "m", points, place),
-        "winch_to_exit": ("winch_to_exit", "winch_to_exit", "m", all_cables, {"least": 0.0}),
-        "pulley_radius": ("pulley_radius", "pulley_radius", "m", wheels, positive),
-        "linear_density": ("linear_density", "linear_density", "kg/m", all_cables, {"scale": 1e-2, "least": 0.0}),
         "force_gains": ("force_gain", "force_gains", "", cells, {"size": (1.0, "it")}),
         "force_offsets": ("force_offset", "force_offsets", "N", cells, {}),
         "angle_zeros": ("", "angle_zeros", "rad", angles, {}),
         "yaw_zero": ("", "angle_zeros", "rad", [one for one in angles if one[0] == "yaw_zero"], {}),
         "swivel_zeros": ("swivel_zero", "swivel_zeros", "rad", swivels, {}),
     }
+    for name, step in OF_ALL_CABLES.items():
+        those, further = (wheels, positive) if step.path else (all_cables, {"scale": 1e-2, "least": 0.0})
+        table[name] = (name, name, PROPERTIES[name].unit, those, further)
     found: list[Unknown] = []
     for name in names:
         common, parameter, unit, numbers, further = table[name]
         if not numbers:
-            lacking = "robot with pulleys" if name == "pulley_radius" else "measurement that depends on it"
+            lacking = "robot with pulleys" if name in OF_ALL_CABLES else "measurement that depends on it"
             raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
         for own, columns in numbers:
             start = PERFECT.get(parameter)

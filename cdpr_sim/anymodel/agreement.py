@@ -8,28 +8,25 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelAgreement
 from cdpr_sim.anymodel.tendons import tensions_in
 from cdpr_sim.core.tolerances import POSITION_TOLERANCE, ROTATION_TOLERANCE, TENSION_TOLERANCE
 
 
-def agreement(
-    forces: RestForces,
-    one: Float[np.ndarray, " nq"],
-    two: Float[np.ndarray, " nq"],
-    neutral: list[Float[np.ndarray, " nv"]],
-    newton_from: str,
-) -> ModelAgreement:
-    """Comparison of two poses; along the neutral directions (of unit mass) of the first they may differ."""
-    errors = _errors(forces, one, two)
+def agreement(judged: Judged, other: Float[np.ndarray, " nq"], newton_from: str) -> ModelAgreement:
+    """Comparison of the pose that was judged with another.
+
+    Along neutral directions and those that friction holds, equilibria lie side by side: there they may differ.
+    """
+    forces, pose = judged.balance.forces, judged.qpos
+    errors = _errors(forces, pose, other)
     reasons = _reasons(errors)
-    if reasons and neutral:
-        forces.net(one)
-        directions = np.array(neutral)
-        apart = forces.between(one, two)
-        along = directions.T @ (directions @ (forces.mass() @ apart))
-        there = forces.moved(one, apart - along)
-        others = _errors(forces, one, there)
+    if reasons:
+        forces.net(pose)
+        resisting = judged.resisting_directions  # of unit mass
+        along = resisting.T @ (resisting @ (forces.mass() @ forces.between(pose, other)))
+        others = _errors(forces, pose, forces.moved(pose, along))
         if not _reasons(others):
             errors, reasons = others, ()
     return ModelAgreement(not reasons, newton_from, *errors, reasons)

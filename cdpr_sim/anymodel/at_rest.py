@@ -4,7 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import mujoco
@@ -80,9 +80,9 @@ def _masses(model: Any, data: Any) -> Iterator[ModelFinding]:
         loads.setdefault((one, two), []).append((float(force[0]), float(contact.dist - contact.includemargin)))
     for bodies, carried in loads.items():
         names = [name_of(model, "body", body) for body in bodies]
-        mobility = sum(float(model.body_invweight0[body, 0]) for body in bodies)
+        load = sum(one for one, _ in carried) * _of_lighter(model, bodies)
         yield from _far_apart(
-            f"contact of {names[0]} and {names[1]}", sum(one for one, _ in carried) * mobility / gravity,
+            f"contact of {names[0]} and {names[1]}", load / gravity,
             max(-gap for _, gap in carried), "negative solref of a geom",
         )  # fmt: skip
     equalities = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
@@ -91,11 +91,19 @@ def _masses(model: Any, data: Any) -> Iterator[ModelFinding]:
         if not joins or model.eq_solref[number, 0] <= 0:
             continue
         rows = np.flatnonzero(equalities & (data.efc_id == number))[:3]
+        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+        if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [int(model.site_bodyid[site]) for site in ends]
+        load = float(np.linalg.norm(data.efc_force[rows])) * _of_lighter(model, ends)
         yield from _far_apart(
-            f"equality {name_of(model, 'equality', int(number))!r}",
-            float(np.linalg.norm(data.efc_force[rows] * data.efc_diagA[rows])) / gravity,
+            f"equality {name_of(model, 'equality', int(number))!r}", load / gravity,
             float(np.linalg.norm(data.efc_pos[rows])), "negative solref",
         )  # fmt: skip
+
+
+def _of_lighter(model: Any, bodies: Iterable[int]) -> float:
+    """The inverse of the mass that gives way most [1/kg], in the pose ``qpos0``."""
+    return max(float(model.body_invweight0[body, 0]) for body in bodies)
 
 
 def _far_apart(element: str, load: float, gap: float, stiff: str) -> Iterator[ModelFinding]:

@@ -4,6 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -22,17 +23,13 @@ class Unbalanced:
         force: (n,) [N, N m].
         residual: its largest part over the largest part of the forces, both by the roots of the masses.
         of_load: the same over the largest force of gravity, actuators and applied forces; 0 without load.
-        free: directions that friction does not hold, in columns.
         held: the friction.
-        net: the net force before it.
     """
 
     force: Float[np.ndarray, " n"]
     residual: float
     of_load: float
-    free: Float[np.ndarray, "n free"]
     held: Held
-    net: Net
 
 
 class Balance:
@@ -46,27 +43,40 @@ class Balance:
         floats = (kinds == mujoco.mjtJoint.mjJNT_FREE) & (within < 3)
         self.translates = (kinds == mujoco.mjtJoint.mjJNT_SLIDE) | floats
 
-    def at(self, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]) -> Unbalanced:
-        """The balance at a pose, of the degrees of freedom ``dofs``."""
-        return self.evaluated(self.forces.net(qpos), [dofs])[0]
+    def rows(self) -> FrictionRows:
+        """The friction that touches at the pose of the last evaluation."""
+        forces = self.forces
+        return rows_of(forces.model, forces.data) if self.friction else FrictionRows.none(forces.model.nv)
 
-    def evaluated(self, net: Net, parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
-        """The balance of several sets of degrees of freedom, at the pose where the net force was just evaluated."""
-        rows = rows_of(self.forces.model, self.forces.data) if self.friction else None
-        return [self._of(net, rows, dofs) for dofs in parts]
+    def at(self, qpos: Float[np.ndarray, " nq"], parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
+        """The balance of several sets of degrees of freedom at a pose."""
+        return self.evaluated(self.forces.net(qpos), self.rows(), parts)
 
-    def _of(self, net: Net, rows: FrictionRows | None, dofs: Int[np.ndarray, " n"]) -> Unbalanced:
-        scale = net.scale(dofs)
-        unloaded = not net.parts[1:4][:, dofs].any()
-        held = hold(rows, net.force, scale, dofs)
-        force = net.force[dofs] + held.force
-        of_load = 0.0 if unloaded else float((np.abs(force) / net.load(dofs)).max(initial=0))
-        return Unbalanced(force, float((np.abs(force) / scale).max(initial=0)), of_load, held.free, held, net)
+    def evaluated(self, net: Net, rows: FrictionRows, parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
+        """The same of forces and friction that were just evaluated."""
+        found = []
+        for dofs in parts:
+            scale, unloaded = net.scale(dofs), not net.parts[1:4][:, dofs].any()
+            held = hold(rows, net.force, scale, dofs)
+            force = net.force[dofs] + held.force
+            of_load = 0.0 if unloaded else float((np.abs(force) / net.load(dofs)).max(initial=0))
+            found.append(Unbalanced(force, float((np.abs(force) / scale).max(initial=0)), of_load, held))
+        return found
 
-    def moved(
-        self, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"], step: Float[np.ndarray, " n"]
-    ) -> Float[np.ndarray, " nq"]:
-        """The pose after a step of the degrees of freedom ``dofs``."""
-        full = np.zeros(self.forces.model.nv)
-        full[dofs] = step
-        return self.forces.moved(qpos, full)
+    def following(
+        self, rows: FrictionRows, states: list[Unbalanced]
+    ) -> Callable[[Float[np.ndarray, " nq"]], Float[np.ndarray, " nv"]]:
+        """The net force near a pose, with the friction of that pose: the same forces along its directions.
+
+        Where the forces balance, its derivative along directions that friction does not hold is exact: whatever else
+        friction does acts along those that it holds.
+        """
+        pulls = rows.limits * np.sum([state.held.use for state in states], axis=0)
+        if not np.any(pulls):
+            return lambda qpos: self.forces.net(qpos).force
+
+        def force(qpos: np.ndarray) -> np.ndarray:
+            net, here = self.forces.net(qpos).force, self.rows()
+            return net + here.force(here.pulls_of(rows, pulls))
+
+        return force

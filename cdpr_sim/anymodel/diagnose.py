@@ -37,6 +37,7 @@ REMEDIES = {
     NoRest.MECHANISM: "give this direction a stiffness, a limit or an actuator",
     NoRest.TURNS: "limit the joint, or set its actuator's control to 0",
     NoRest.DRIVEN: "set the control to 0, or limit the activation by actrange",
+    NoRest.BELT: "set the surface's velocity to 0, or leave the body out",
     NoRest.SLIDES: "raise the friction, or support it",
     NoRest.LIMIT_CYCLE: "damp the joints",
 }  # fmt: skip

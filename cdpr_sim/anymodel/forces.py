@@ -9,8 +9,10 @@ where MuJoCo's forward dynamics has no acceleration.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import contextlib
 import copy
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,6 +75,15 @@ class RestForces:
         write_state(self.data, state)
         self.deadline = float("inf")
 
+    @contextlib.contextmanager
+    def until(self, deadline: float) -> Iterator[None]:
+        """Evaluations after a time raise ``OutOfTime``."""
+        self.deadline = deadline
+        try:
+            yield
+        finally:
+            self.deadline = float("inf")
+
     def net(
         self, qpos: Float[np.ndarray, " nq"], qvel: np.ndarray | float = 0.0, qacc: np.ndarray | float = 0.0
     ) -> Net:
@@ -117,7 +128,7 @@ def state_of(model: Any, data: Any = None, ctrl: ArrayLike | None = None) -> Any
     """A new ``MjData`` with what the forces at rest depend on: that of ``data``, with these controls if given.
 
     Raises:
-        InvalidInput: the data of another model, or controls of another number.
+        InvalidInput: the data of another model or one that is not finite, or controls of another number.
     """
     state = mujoco.MjData(model)
     if data is not None:
@@ -126,6 +137,8 @@ def state_of(model: Any, data: Any = None, ctrl: ArrayLike | None = None) -> Any
             if found != expected:
                 what = "a pose" if name == "qpos" else name
                 raise InvalidInput(f"data: found {what} of {found} numbers, expected that of the model, {expected}")
+            if not np.isfinite(getattr(data, name)).all():
+                raise InvalidInput(f"data: found {name} that is not finite, expected finite numbers")
         write_state(state, data)
     if ctrl is not None:
         state.ctrl[:] = checked_array("ctrl", ctrl, (model.nu,))

@@ -1,4 +1,4 @@
-"""Forces within friction cones: share in use, least share that carries a load, closest force to a load.
+"""Forces within friction cones: the share of the limits in use, and the force that carries a load with the least.
 
 ``use`` is the force of each row as a fraction of its limit; a cone is a set of rows. Its share is the Euclidean norm
 of its rows' fractions, for a pyramid the sum of their magnitudes: 1 is the limit.
@@ -10,16 +10,22 @@ import itertools
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.linalg import null_space
+from scipy.linalg import cho_factor, cho_solve
 
-GAP = 1e-7
-"""Accuracy of the least share, as a fraction, as long as it may be the limit."""
+LEFT = 1e-9
+"""Weight of the share beside the square of what is left of the load."""
 
-ROUGH = 1e-3
-"""The same where it is below the limit."""
+GAP = 1e-8
+"""Accuracy of the share."""
 
-SWEEPS = 500
-"""Iterations of the projected gradient method."""
+ITERATIONS = 50
+"""Of the interior-point method, at most; it needs about fifteen."""
+
+ROUNDING = 1e-6
+"""Accuracy of its other conditions, as a fraction of the largest term."""
+
+BACK, SHORTEST = 0.99, 1e-6
+"""Fraction of the way to the limits that a step goes; and of a step, below which rounding ends the search."""
 
 
 def shares(
@@ -33,128 +39,155 @@ def shares(
 def least_share(
     matrix: Float[np.ndarray, "n rows"],
     load: Float[np.ndarray, " n"],
-    start: Float[np.ndarray, " rows"],
     cones: Int[np.ndarray, " rows"],
     corners: Bool[np.ndarray, " cones"],
 ) -> Float[np.ndarray, " rows"]:
-    """Of all ``use`` with ``matrix @ use = load`` (``start`` is one), that with the smallest largest share.
+    """Of all ``use`` that carry a load, ``matrix @ use = load``, that with the smallest largest share.
 
-    A barrier method: the variables are the largest share s and the null space of the matrix; -log(s² - |u|²) of each
-    cone, -log(s - σ u) of each facet of a pyramid.
+    If none within the limits carries it, that which leaves least of it. Minimised is s + |matrix @ use - load|² / 2w
+    with the small weight w and the largest share s, up to 1, by a primal-dual interior-point method for second-order
+    cones (Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010); then ``use`` is corrected by what
+    w has left.
     """
-    norms = np.linalg.norm(matrix, axis=0)
-    null = null_space(matrix / max(norms.max(), 1e-300), rcond=1e-11)
-    if not null.shape[1]:
-        return start
-    count = len(corners)
-    rows_in = np.bincount(cones, minlength=count)
-    smooth_cones = ~corners & (rows_in > 1)
-    smooth = smooth_cones[cones]
-    member = (np.arange(count)[smooth_cones][:, None] == cones[smooth]).astype(float)
-    flat = np.flatnonzero(~smooth_cones)
-    facets = np.zeros((sum(2 ** rows_in[cone] for cone in flat), len(start)))
-    at = 0
-    for cone in flat:
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=rows_in[cone])))
-        facets[at : at + len(signs), cones == cone] = signs
-        at += len(signs)
-    facets_null, barriers = facets @ null, len(facets) + 2 * int(smooth_cones.sum())
-    part = null[smooth]
-
-    def value(use: np.ndarray, s: float, weight: float) -> float:
-        slack = s - facets @ use
-        discs = s * s - member @ use[smooth] ** 2
-        if s <= 0 or slack.min(initial=1) <= 0 or discs.min(initial=1) <= 0:
-            return np.inf
-        return weight * s - float(np.log(slack).sum()) - float(np.log(discs).sum())
-
-    use, s = np.array(start), 1.1 * float(shares(start, cones, corners).max()) + 1e-3
-    weight = barriers / s
-    for _ in range(60):
-        for _ in range(30):
-            size = null.shape[1]
-            gradient, hessian = np.zeros(size + 1), np.zeros((size + 1, size + 1))
-            gradient[-1] = weight
-            inverse = 1 / (s - facets @ use)
-            gradient[:-1] += facets_null.T @ inverse
-            gradient[-1] -= inverse.sum()
-            hessian[:-1, :-1] += (facets_null * inverse[:, None] ** 2).T @ facets_null
-            hessian[:-1, -1] -= facets_null.T @ inverse**2
-            hessian[-1, -1] += (inverse**2).sum()
-            disc, inner = s * s - member @ use[smooth] ** 2, use[smooth]
-            slopes = np.column_stack([-2 * member @ (inner[:, None] * part), np.full(len(disc), 2 * s)])  # of the discs
-            gradient -= slopes.T @ (1 / disc)
-            hessian += (slopes / disc[:, None] ** 2).T @ slopes
-            hessian[:-1, :-1] += 2 * (part * (member.T @ (1 / disc))[:, None]).T @ part
-            hessian[-1, -1] -= 2 * (1 / disc).sum()
-            hessian[:-1, -1] = hessian[-1, :-1] = hessian[:-1, -1] + 0  # symmetric
-            ridge = 1e-14 * np.trace(hessian) / len(hessian) * np.eye(len(hessian))
-            step = np.linalg.solve(hessian + ridge, -gradient)
-            decrement = -float(gradient @ step)
-            now, length = value(use, s, weight), 1.0
-            while length > 1e-12 and not (
-                value(use + length * (null @ step[:-1]), s + length * step[-1], weight) < now - 0.1 * length * decrement
-            ):
-                length /= 2
-            if length <= 1e-12 or decrement < 1e-10:
-                break
-            use, s = use + length * (null @ step[:-1]), s + length * step[-1]
-        gap = barriers / weight
-        if gap < GAP * s or s - gap > 1 or (s < 1 and gap < ROUGH * s):
+    size = float(np.linalg.norm(load))
+    if size == 0:
+        return np.zeros(matrix.shape[1])
+    faces = _Faces(cones, corners)
+    part, aim, rows = matrix / size, load / size, matrix.shape[1]
+    curvature = part.T @ part / LEFT
+    x = np.append(np.zeros(rows), 0.5)  # use, and s
+    room = faces.room(x)
+    dual, one = np.zeros_like(room), np.zeros_like(room)
+    one[:, 0] = 1.0
+    dual[:, 0] = steepest = np.abs(aim @ part).max() / LEFT + 1
+    for _ in range(ITERATIONS):
+        left = part @ x[:-1] - aim
+        slope = np.append(left @ part / LEFT, 1.0) - faces.gathered(dual)
+        gap, value = float((room * dual).sum()), x[-1] + float(left @ left) / (2 * LEFT)
+        small, rough = gap / max(1.0, 100 * value), np.abs(slope).max() / steepest
+        if small < GAP and (rough < ROUNDING or small < GAP / 1000):
             break
-        weight *= 8
-    return use
+        there, back, inner = _scaling(room, dual)
+        hessian = faces.curvature(back @ back)
+        hessian[:-1, :-1] += curvature
+        hessian[np.diag_indices_from(hessian)] *= 1 + 1e-14
+        factor = cho_factor(hessian, check_finite=False)
 
+        def step(target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            wanted = _apply(back, _divided(inner, target))  # noqa: B023 called in this iteration alone
+            along = cho_solve(factor, faces.gathered(wanted) - slope, check_finite=False)  # noqa: B023
+            opens = faces.room(along, still=True)
+            return along, opens, wanted - _apply(back, _apply(back, opens))  # noqa: B023
 
-def closest(
-    matrix: Float[np.ndarray, "n rows"],
-    load: Float[np.ndarray, " n"],
-    cones: Int[np.ndarray, " rows"],
-    corners: Bool[np.ndarray, " cones"],
-) -> Float[np.ndarray, " rows"]:
-    """``use`` within the cones that leaves the least of a load that they cannot carry.
-
-    By an accelerated projected gradient; then rows of cones inside their limits are solved exactly, if they stay
-    inside.
-    """
-    pyramids = np.flatnonzero(corners)
-    widest = int(np.bincount(cones, minlength=len(corners)).max())
-    place = np.full((len(pyramids), widest), -1)
-    for number, cone in enumerate(pyramids):
-        rows = np.flatnonzero(cones == cone)
-        place[number, : len(rows)] = rows
-    bound = float(np.linalg.norm(matrix, 2)) ** 2 or 1.0
-    use = np.zeros(matrix.shape[1])
-    ahead, momentum = use, 1.0
-    for _ in range(SWEEPS):
-        new = _projected(ahead - matrix.T @ (matrix @ ahead - load) / bound, place, cones, corners)
-        if (ahead - new) @ (new - use) > 0:
-            momentum = 1.0
-        later = (1 + np.sqrt(1 + 4 * momentum**2)) / 2
-        ahead, moved = new + (momentum - 1) / later * (new - use), np.abs(new - use).max()
-        use, momentum = new, later
-        if moved < 1e-10:
+        _, opens, pulls = step(-_product(inner, inner))
+        length = min(1.0, _reach(room, opens), _reach(dual, pulls))
+        after = float(((room + length * opens) * (dual + length * pulls)).sum())
+        centre = (max(after, 0.0) / gap) ** 3 * gap / len(room)
+        both = _product(_apply(back, opens), _apply(there, pulls))
+        along, opens, pulls = step(centre * one - _product(inner, inner) - both)
+        length = min(1.0, BACK * _reach(room, opens), BACK * _reach(dual, pulls))
+        if not length > SHORTEST:
             break
-    inside = (shares(use, cones, corners) < 1 - 1e-6)[cones]
-    if inside.any() and not inside.all():
-        exact = np.array(use)
-        left = load - matrix[:, ~inside] @ use[~inside] - matrix[:, inside] @ use[inside]
-        exact[inside] += np.linalg.lstsq(matrix[:, inside], left, rcond=1e-11)[0]
-        if shares(exact, cones, corners).max() <= 1 + 1e-9:
-            return exact
-    return use
+        x, dual = x + length * along, dual + length * pulls
+        room = faces.room(x)
+    found = x[:-1]
+    exact = found + np.linalg.lstsq(matrix, load - matrix @ found, rcond=1e-11)[0]
+    return exact if shares(exact, cones, corners).max() <= 1 else found
 
 
-def _projected(use: np.ndarray, place: np.ndarray, cones: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The closest point within the cones; ``place`` has the rows of each pyramid, filled up with -1."""
-    share = shares(use, cones, corners)
-    new = np.where((share > 1)[cones] & ~corners[cones], use / np.maximum(share, 1e-300)[cones], use)
-    if len(place):
-        magnitudes = np.where(place >= 0, np.abs(use[place]), 0.0)
-        ordered = -np.sort(-magnitudes, axis=1)
-        excess = (np.cumsum(ordered, axis=1) - 1) / np.arange(1, place.shape[1] + 1)
-        last = np.maximum((ordered > excess).sum(axis=1) - 1, 0)
-        cut = np.maximum(excess[np.arange(len(place)), last], 0)  # none inside the pyramid
-        rows = place[place >= 0]
-        new[rows] = np.sign(use[rows]) * np.maximum(np.abs(use[rows]) - np.repeat(cut, (place >= 0).sum(axis=1)), 0)
-    return new
+class _Faces:
+    """The second-order cones |matrices @ use| <= s: of a pyramid, one for each pair of opposite faces; and s <= 1."""
+
+    def __init__(self, cones: Int[np.ndarray, " rows"], corners: Bool[np.ndarray, " cones"]) -> None:
+        rows_of = [np.flatnonzero(cones == cone) for cone in range(len(corners))]
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for rows, pyramid in zip(rows_of, corners, strict=True):
+            if pyramid:
+                every = itertools.product((1.0, -1.0), repeat=len(rows) - 1)
+                found += [(rows, np.array([[1.0, *signs]])) for signs in every]
+            else:
+                found.append((rows, np.eye(len(rows))))
+        wide, self.size = max(map(len, rows_of)), len(cones)
+        # Filled up with zeros: of the forces, which then come from s, the last variable; and the last cone is s <= 1.
+        self.rows = np.full((len(found) + 1, wide), self.size)
+        self.matrices = np.zeros((len(found) + 1, max(len(one) for _, one in found), wide))
+        for face, (rows, one) in enumerate(found):
+            self.rows[face, : len(rows)], self.matrices[face, : len(one), : len(rows)] = rows, one
+        self.turned = self.matrices.transpose(0, 2, 1)
+        self.heads = np.append(np.ones(len(found)), -1.0)
+
+    def room(self, x: Float[np.ndarray, " variables"], still: bool = False) -> Float[np.ndarray, "faces width"]:
+        """The point of each cone; ``still``: its change with a change of the variables."""
+        heads = self.heads * x[-1]
+        heads[-1] += 0.0 if still else 1.0
+        return np.hstack([heads[:, None], _apply(self.matrices, x[self.rows])])
+
+    def gathered(self, dual: Float[np.ndarray, "faces width"]) -> Float[np.ndarray, " variables"]:
+        """The transpose of ``room``."""
+        out = np.zeros(self.size + 1)
+        np.add.at(out, self.rows, _apply(self.turned, dual[:, 1:]))
+        out[-1] += self.heads @ dual[:, 0]
+        return out
+
+    def curvature(self, metric: Float[np.ndarray, "faces width width"]) -> Float[np.ndarray, "variables variables"]:
+        """The metric of all points as one of the variables."""
+        out = np.zeros((self.size + 1, self.size + 1))
+        own = self.turned @ metric[:, 1:, 1:] @ self.matrices
+        np.add.at(out, (self.rows[:, :, None], self.rows[:, None]), own)
+        shared = np.zeros(self.size + 1)
+        np.add.at(shared, self.rows, self.heads[:, None] * _apply(self.turned, metric[:, 1:, 0]))
+        out[-1], out[:, -1] = out[-1] + shared, out[:, -1] + shared
+        out[-1, -1] += metric[:, 0, 0].sum()
+        return out
+
+
+def _apply(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return (matrices @ vectors[:, :, None])[:, :, 0]
+
+
+def _product(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Jordan product of the second-order cone."""
+    tail = one[:, :1] * two[:, 1:] + two[:, :1] * one[:, 1:]
+    return np.hstack([(one * two).sum(axis=1, keepdims=True), tail])
+
+
+def _divided(by: np.ndarray, what: np.ndarray) -> np.ndarray:
+    """The vector whose Jordan product with ``by`` is ``what``."""
+    head = (by[:, 0] * what[:, 0] - (by[:, 1:] * what[:, 1:]).sum(axis=1)) / _determinant(by)
+    return np.hstack([head[:, None], (what[:, 1:] - by[:, 1:] * head[:, None]) / np.maximum(by[:, :1], 1e-300)])
+
+
+def _determinant(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors[:, 1:], axis=1)
+    return np.maximum((vectors[:, 0] - length) * (vectors[:, 0] + length), 1e-300)
+
+
+def _scaling(room: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nesterov and Todd's scaling W and its inverse of each cone, and the point W dual = W⁻¹ room."""
+    first, second = np.sqrt(_determinant(room)), np.sqrt(_determinant(dual))
+    one, two = room / first[:, None], dual / second[:, None]
+    turned = np.hstack([two[:, :1], -two[:, 1:]])
+    middle = (one + turned) / np.sqrt(2 * (1 + (one * two).sum(axis=1)))[:, None]
+    size = np.sqrt(first / second)[:, None, None]
+    head, tail = middle[:, 0], middle[:, 1:]
+    there = np.zeros((*room.shape, room.shape[1]))
+    there[:, 0, 0] = head
+    there[:, 0, 1:] = there[:, 1:, 0] = tail
+    there[:, 1:, 1:] = np.eye(tail.shape[1]) + tail[:, :, None] * tail[:, None] / (1 + head)[:, None, None]
+    back = np.array(there)
+    back[:, 0, 1:] *= -1
+    back[:, 1:, 0] *= -1
+    return size * there, back / size, _apply(size * there, dual)
+
+
+def _reach(point: np.ndarray, step: np.ndarray) -> float:
+    """Length of a step that stays within the cones."""
+    a = step[:, 0] ** 2 - (step[:, 1:] ** 2).sum(axis=1)
+    b = point[:, 0] * step[:, 0] - (point[:, 1:] * step[:, 1:]).sum(axis=1)
+    c = _determinant(point)
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    # Of a t² + 2 b t + c, which is positive at 0, the smallest positive root.
+    below = root - b
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.where(below > 0, np.where(b > 0, (-b - root) / a, c / below), np.inf)
+    return float(np.where(ends > 0, ends, np.inf).min())

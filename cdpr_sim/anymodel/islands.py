@@ -12,18 +12,22 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cdpr_sim.anymodel.forces import RestForces
 from cdpr_sim.anymodel.friction import jacobian
 
 
-def islands(model: Any, data: Any, dofs: Int[np.ndarray, " n"]) -> list[Int[np.ndarray, "..."]]:
-    """The islands among degrees of freedom ``dofs``, after an evaluation of the forces at a pose."""
+def islands_at(
+    forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]
+) -> list[Int[np.ndarray, "..."]]:
+    """The islands among degrees of freedom ``dofs`` at a pose."""
     if not len(dofs):
         return []
-    groups = groups_of_trees(model, data)[model.dof_treeid[dofs]]
+    forces.net(qpos)
+    groups = groups_of_trees(forces.model, forces.data)[forces.model.dof_treeid[dofs]]
     return [dofs[groups == group] for group in dict.fromkeys(groups.tolist())]
 
 
@@ -48,3 +52,10 @@ def _coupled(model: Any, data: Any) -> Iterator[np.ndarray]:
         yield model.ten_J_colind[start : start + number]
     for start, number in zip(data.moment_rowadr, data.moment_rownnz, strict=True):
         yield data.moment_colind[start : start + number]
+
+
+def coordinates_of(model: Any, dofs: Int[np.ndarray, " n"]) -> Int[np.ndarray, " coordinates"]:
+    """The coordinates of ``qpos`` that belong to the joints of degrees of freedom."""
+    ends = np.append(model.jnt_qposadr[1:], model.nq).tolist()
+    spans = [np.arange(int(model.jnt_qposadr[joint]), ends[joint]) for joint in np.unique(model.dof_jntid[dofs])]
+    return np.concatenate([np.zeros(0, dtype=int), *spans])

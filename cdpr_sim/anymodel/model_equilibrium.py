@@ -20,6 +20,7 @@ class NoRest(enum.Enum):
     MECHANISM = "a mechanism: nothing resists the force along a direction"
     TURNS = "turns for ever"
     DRIVEN = "an actuator's state grows for ever"
+    BELT = "driven for ever by a surface that moves"
     LIMIT_CYCLE = "oscillates for ever about its equilibrium"
     SLIDES = "slides: friction at its limit does not hold it"
     DIVERGES = "the simulation diverges at every time step"
@@ -51,7 +52,9 @@ class ModelAgreement:
 
     Attributes:
         agrees: whether both found this equilibrium, within the tolerances of ``compare``.
-        newton_from: where Newton's method began: "start", or "motion" for the end of the time steps.
+        newton_from: "start" if each way began at the start; "motion" if Newton's method began at the end of the time
+            steps; "beside" if time steps began again a micrometre beside the result. The last shows that the model
+            stays there, not that two ways lead to it: with loaded friction, equilibria lie side by side.
         position_error: largest distance between a body's two positions [m]; bodies that move in neutral directions too.
         rotation_error: largest angle between a body's two orientations [rad].
         tension_error: largest difference of a tendon's tension [N].

@@ -13,7 +13,6 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,8 +20,8 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import write_state
-from cdpr_sim.anymodel.friction import rows_of
-from cdpr_sim.anymodel.islands import groups_of_trees
+from cdpr_sim.anymodel.friction import SLIDES
+from cdpr_sim.anymodel.islands import coordinates_of, groups_of_trees
 
 STEPS = 20_000
 """Time steps, at most, unless asked otherwise."""
@@ -33,18 +32,18 @@ CHECK = 100
 CHECK_STICKING = 20
 """The same once friction holds: it is then a force that each evaluation finds anew."""
 
-SLIDES = 1 - 1e-6
-"""Share from which a contact slides."""
-
 READY = 3
 """Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
 creeps, and a box that creeps on its corners does not come to rest."""
 
+NEAR = 0.1
+"""Residual of such an evaluation, at most: bodies that still fall are not held."""
+
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
-LONG = 200
-"""Evaluations in a row with friction at its limit, after it was applied, after which the motion ends."""
+LONG = 30
+"""Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
 
 LOADED = 1e-6
 """Share of a friction limit above which friction carries load."""
@@ -52,8 +51,8 @@ LOADED = 1e-6
 BLOWS_UP = 1e12
 """[J/kg] Kinetic energy above which the motion has diverged."""
 
-TIME_SPENT = "time spent"
-DIVERGES = "the simulation diverges at every time step"
+STALLS, TIME_SPENT, DIVERGES = "it does not get nearer", "time spent", "the simulation diverges at every time step"
+"""Reasons for an end without rest; from the first, the motion may go on."""
 
 FAR = 100.0
 """Distance, in sizes of the model, after which a body that still accelerates counts as falling."""
@@ -64,13 +63,16 @@ MANY_TURNS = 20
 RATTLES, QUICK = 6, 4
 """This many peaks, each within so many steps of the one before, are rattling."""
 
+STILL = 1e-5
+"""Residual of an island below which it is at rest, and its rattling does not count."""
+
 SHRINKS, GROWS, CALM = 0.6, 1.3, 40
 """Factors of the time step; it grows where a peak came after more than ``CALM`` steps."""
 
 QUIET = 200
 """Steps without rattling after which a time step shorter than the model's grows again."""
 
-SHORT = 1 / 50
+SHORT = 1 / 2
 """Shortest time step that rattling leads to, in time steps of the model: contacts may rattle at any."""
 
 SHORTEST = 1 / 2000
@@ -106,15 +108,21 @@ class MotionEnd:
 
 
 class Motion:
-    """Time steps of a model with kinetic damping."""
+    """Time steps of a model with kinetic damping, from a pose.
 
-    def __init__(self, balance: Balance, dofs: Int[np.ndarray, " n"]) -> None:
+    Friction holds from the beginning if ``sticks``; otherwise once it could for some time.
+    """
+
+    def __init__(
+        self, balance: Balance, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"], sticks: bool = False
+    ) -> None:
         self.balance = balance
         self.model = model = copy.copy(balance.forces.model)
         if model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.data = mujoco.MjData(model)
         write_state(self.data, balance.forces.data)
+        self.data.qpos[:] = qpos
         self.applied = self.data.qfrc_applied.copy()
         self.first = float(model.opt.timestep)
         references = np.concatenate([model.geom_solref, model.jnt_solref, model.eq_solref, model.tendon_solref_lim])
@@ -122,13 +130,11 @@ class Motion:
         self.longest = max(self.first, min(5 * self.first, float(positive.min(initial=np.inf)) / 2))
         self.active = np.zeros(model.nv, dtype=bool)
         self.active[dofs] = True
-        self.held = np.zeros(model.nq, dtype=bool)
-        self.held_at = self.data.qpos.copy()
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
         self.quiet = 0
-        self.sticks, self.ready, self.loaded, self.sliding_on = False, 0, 0, 0
+        self.sticks, self.ready, self.loaded = sticks, 0, 0
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
@@ -139,16 +145,18 @@ class Motion:
     def run(
         self, *, tolerance: float, steps: int, deadline: float, report: Callable[[int], None] = lambda steps: None
     ) -> MotionEnd:
-        """Move until the forces balance, or the steps or the time are spent."""
+        """Move on until the forces balance, the motion stalls, or the steps or the time are spent."""
         model, data = self.model, self.data
         self.good = data.qpos.copy()
         best, best_residual, reason, count = data.qpos.copy(), np.inf, "time steps spent", 0
-        momentum, damped, check = np.zeros(model.nv), True, CHECK
+        momentum, damped, check, in_vain, half = np.zeros(model.nv), True, CHECK, 0, np.inf
+        if self.sticks:
+            self._residual()
         while count < steps:
             count += 1
             mujoco.mj_step(model, data)
-            if self.held.any():
-                data.qpos[self.held] = self.held_at[self.held]
+            if len(self.held):
+                data.qpos[self.held] = self.held_at
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
             kinetic = np.bincount(self.groups, data.qvel * momentum, self.number)
@@ -176,8 +184,11 @@ class Motion:
             if time.monotonic() > deadline:
                 reason = TIME_SPENT
                 break
-            if self.sliding_on > LONG:
-                reason = "friction at its limit does not hold"
+            in_vain += 1
+            if residual < half / 2 or not self.sticks:
+                half, in_vain = min(residual, half), 0
+            if in_vain > LONG:
+                reason = STALLS
                 break
             if self._gone():
                 best, best_residual = data.qpos.copy(), np.inf
@@ -202,7 +213,7 @@ class Motion:
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
             self.data.qvel[peaks[self.groups]] = 0
-            self.rattles = np.where(peaks, np.where(since <= QUICK, self.rattles + 1, 0), self.rattles)
+            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~self.still, self.rattles + 1, 0), self.rattles)
             if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
                 self.rattles[:], self.quiet = 0, 0
@@ -226,22 +237,23 @@ class Motion:
         """The largest residual of an island; once friction holds, it is applied as a force."""
         forces = self.balance.forces
         net = forces.net(self.data.qpos)
-        rows = rows_of(forces.model, forces.data)
+        rows = self.balance.rows()
         self.touched[:] = False
         self.touched[np.unique(forces.model.dof_treeid[np.any(rows.directions, axis=0)])] = True
         used = np.unique(self.groups[self.active])
         parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
-        states = self.balance.evaluated(net, parts)
+        states = self.balance.evaluated(net, rows, parts)
+        self.still[used] = [state.residual < STILL for state in states]
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
             self.data.qfrc_applied[:] = self.applied
-            self.sliding_on = self.sliding_on + 1 if any(share >= SLIDES for share in loaded) else 0
             for part, state in zip(parts, states, strict=True):
                 # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
                 if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
                     self.data.qfrc_applied[part] += state.held.force
         elif loaded:
-            self.ready = self.ready + 1 if min(loaded) < SLIDES else 0
+            near = max(state.residual for state in states) < NEAR
+            self.ready = self.ready + 1 if near and min(loaded) < SLIDES else 0
             self.loaded += 1
             self.sticks = self.ready >= READY or self.loaded >= PATIENCE
         return max((state.residual for state in states), default=0.0)
@@ -252,6 +264,7 @@ class Motion:
         if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
             self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
             self.energy = np.zeros(self.number)
+            self.still = np.zeros(self.number, dtype=bool)
             self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:
@@ -260,7 +273,9 @@ class Motion:
         moved = data.xipos - self.start_positions
         away = np.linalg.norm(moved, axis=1) > FAR * self.extent
         gravity = model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
-        away &= ~(moved @ gravity < -0.5 * np.linalg.norm(moved, axis=1))  # what was thrown up comes back
+        touched = self.touched[np.maximum(model.body_treeid, 0)]
+        along = np.where(touched | ~gravity.any(), -0.5, 0.5)  # what was thrown up or aside comes back
+        away &= moved @ gravity >= along * np.linalg.norm(moved, axis=1)
         trees = np.unique(model.body_treeid[away & (model.body_treeid >= 0)])
         trees = trees[[bool(self.active[model.dof_treeid == tree].any()) for tree in trees]]
         hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)
@@ -278,15 +293,6 @@ class Motion:
 
     def _hold(self) -> None:
         """Hold the degrees of freedom that are not active where they are."""
-        self.held_at = self.data.qpos.copy()
-        self.held = coordinates_of(self.model, ~self.active)
+        self.held = coordinates_of(self.model, np.flatnonzero(~self.active))
+        self.held_at = self.data.qpos[self.held]
         self.data.qvel[~self.active] = 0
-
-
-def coordinates_of(model: Any, dofs: Bool[np.ndarray, " nv"]) -> Bool[np.ndarray, " nq"]:
-    """Which coordinates of ``qpos`` belong to the joints of degrees of freedom."""
-    where = np.zeros(model.nq, dtype=bool)
-    ends = np.append(model.jnt_qposadr[1:], model.nq)
-    for joint in np.unique(model.dof_jntid[dofs]):
-        where[model.jnt_qposadr[joint] : ends[joint]] = True
-    return where

@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cdpr_sim.anymodel.balance import Balance
-from cdpr_sim.anymodel.evidence import equilibrium_at, refusal
+from cdpr_sim.anymodel.evidence import equilibrium_at
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, state_of
 from cdpr_sim.anymodel.ignored import free_dofs, names_of_ignored, without
-from cdpr_sim.anymodel.island_newton import newton_by_islands
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ModelEquilibrium, NoRest
-from cdpr_sim.anymodel.motion import STEPS, Motion
+from cdpr_sim.anymodel.motion import STALLS, STEPS, Motion, MotionEnd
 from cdpr_sim.anymodel.names import listed
+from cdpr_sim.anymodel.newton import newton
+from cdpr_sim.anymodel.refusal import refusal
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
 from cdpr_sim.core.checks import FLAG, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
@@ -44,6 +45,11 @@ NUDGES = 3
 
 NUDGE = 0.02
 """[m, rad] The push."""
+
+BESIDE = 1e-6
+"""[m, rad] Distance from the result at which time steps begin again, where neither way found it by itself. It is the
+tolerance of the position, so that it shows that the model stays there, and no more: loaded friction lets equilibria lie
+side by side, and from 1e-5 the motion ends in another."""
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
@@ -113,56 +119,72 @@ def _settled(
     counts = {"time steps": 0, "newton": 0}
 
     def rests(qpos: np.ndarray, residual: float = ACCEPTABLE) -> bool:
-        return Judged(balance, qpos, dofs).rests(residual, OF_LOAD)
+        return Judged.at(balance, qpos, dofs).rests(residual, OF_LOAD)
 
-    def newton(qpos: np.ndarray, until: float) -> np.ndarray:
+    def by_newton(qpos: np.ndarray, until: float) -> np.ndarray:
         say("Newton's method")
-        end, count = newton_by_islands(balance, qpos, dofs, tolerance=RESIDUAL, deadline=until)
+        end, count = newton(balance, qpos, dofs, tolerance=RESIDUAL, deadline=until)
         counts["newton"] += count
+        return end
+
+    def by_motion(motion: Motion, until: float) -> MotionEnd:
+        end = motion.run(
+            tolerance=MOTION_RESIDUAL,
+            steps=most_steps - counts["time steps"],
+            deadline=(time.monotonic() + until) / 2,
+            report=lambda count: say(f"{count} time steps"),
+        )
+        counts["time steps"] += end.steps
         return end
 
     late = deadline  # of the evidence
     deadline -= (1 - SHARE_OF_SEARCH) * (deadline - time.monotonic())
     if rests(start, RESIDUAL):
-        forces.deadline = late
-        return equilibrium_at(model, balance, start, dofs, counts, "start")
-    now = time.monotonic()
-    alone = newton(start, now + SHARE_OF_NEWTON * (deadline - now))
-    alone_rests = rests(alone)
-    qpos, found, nudge = start, None, 0
-    while True:
-        forces.data.qpos[:] = qpos
-        ended = Motion(balance, dofs).run(
-            tolerance=MOTION_RESIDUAL,
-            steps=most_steps,
-            deadline=(time.monotonic() + deadline) / 2,
-            report=lambda count: say(f"{count} time steps"),
-        )
-        counts["time steps"] += ended.steps
-        polished = newton(ended.qpos, deadline)
-        if not rests(polished):
-            break
-        found = polished, ended
-        if nudge == NUDGES or time.monotonic() > deadline:
-            break
-        nudge += 1
         try:
-            forces.deadline = deadline
-            unstable = Judged(balance, polished, dofs).unstable_directions
-        except OutOfTime:
+            return equilibrium_at(model, Judged.at(balance, start, dofs), dofs, counts, "start", late)
+        except NotSettled as error:
+            if error.case is not NoRest.SLIDES:  # a start at which friction could hold bodies that jam may have a rest
+                raise
+    now = time.monotonic()
+    alone = by_newton(start, now + SHARE_OF_NEWTON * (deadline - now))
+    motion, found, nudges = Motion(balance, start, dofs), None, 0
+    while True:
+        ended = by_motion(motion, deadline)
+        polished = by_newton(ended.qpos, deadline)
+        if not rests(polished) and rests(ended.qpos):
+            polished = ended.qpos
+        if not rests(polished):
+            if ended.reason == STALLS:
+                continue
             break
-        finally:
-            forces.deadline = float("inf")
-        if not unstable:
+        found = Judged.at(balance, polished, dofs)
+        push = _push(found, deadline) if nudges < NUDGES else None
+        if push is None:
             break
-        push = np.sum(unstable, axis=0)
-        qpos = forces.moved(polished, NUDGE * push / np.abs(push).max())
-    forces.deadline = late
-    if found is not None:
-        polished, ended = found
-        return equilibrium_at(
-            model, balance, polished, dofs, counts, "motion", ended.qpos, alone if alone_rests else None
-        )
-    if alone_rests:
-        return equilibrium_at(model, balance, alone, dofs, counts, "newton", ended.qpos, alone)
-    raise refusal(model, balance, polished, dofs, counts, ended, start)
+        nudges += 1
+        motion = Motion(balance, forces.moved(polished, NUDGE * push), dofs)
+    if found is None and not rests(alone):
+        raise refusal(model, Judged.at(balance, polished, dofs), dofs, counts, ended, start, late)
+    if found is None:
+        judged = Judged.at(balance, alone, dofs)
+        return equilibrium_at(model, judged, dofs, counts, "newton", late, [("start", lambda: ended.qpos)])
+
+    def beside() -> np.ndarray:
+        there = forces.moved(found.qpos, BESIDE * found.elastic_direction)
+        return by_motion(Motion(balance, there, dofs, sticks=True), late).qpos
+
+    others = [("motion", lambda: ended.qpos), ("beside", beside)]
+    if rests(alone):
+        others.insert(0, ("start", lambda: alone))
+    return equilibrium_at(model, found, dofs, counts, "motion", late, others)
+
+
+def _push(judged: Judged, deadline: float) -> np.ndarray | None:
+    """The largest of a push along unstable directions is 1; None if there are none, or no time to find them."""
+    try:
+        with judged.balance.forces.until(deadline):
+            unstable = judged.unstable_directions
+    except OutOfTime:
+        return None
+    push = np.sum(unstable, axis=0)
+    return push / np.abs(push).max() if unstable else None

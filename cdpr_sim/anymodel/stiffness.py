@@ -46,45 +46,31 @@ class Modes:
 def stiffness_of(
     forces: RestForces,
     qpos: Float[np.ndarray, " nq"],
-    dofs: Int[np.ndarray, " n"],
+    parts: list[Int[np.ndarray, "..."]],
     force: Callable[[np.ndarray], np.ndarray] | None = None,
-) -> Float[np.ndarray, "n n"]:
-    """-d force / d q of the degrees of freedom ``dofs``, by central differences; default: of the net force."""
-    at = force or (lambda there: forces.net(there).force[dofs])
-    matrix = np.empty((len(dofs), len(dofs)))
-    step = np.zeros(forces.model.nv)
-    for column, dof in enumerate(dofs):
-        step[dof] = STEP
-        matrix[:, column] = (at(forces.moved(qpos, -step)) - at(forces.moved(qpos, step))) / (2 * STEP)
-        step[dof] = 0.0
-    return matrix
-
-
-def stiffness_of_islands(
-    forces: RestForces, qpos: Float[np.ndarray, " nq"], islands: list[Int[np.ndarray, "..."]]
 ) -> list[Float[np.ndarray, "..."]]:
-    """The same of islands, which do not depend on each other: they are displaced together."""
-    matrices = [np.empty((len(dofs), len(dofs))) for dofs in islands]
-    for column in range(max((len(dofs) for dofs in islands), default=0)):
+    """-d force / d q of islands, by central differences; they do not depend on each other, and are displaced together.
+
+    Args:
+        forces: the forces at rest.
+        qpos: the pose.
+        parts: the degrees of freedom of each island.
+        force: of all degrees of freedom, as a function of the pose; default: the net force.
+    """
+    at = force or (lambda there: forces.net(there).force)
+    matrices = [np.empty((len(dofs), len(dofs))) for dofs in parts]
+    for column in range(max((len(dofs) for dofs in parts), default=0)):
         step = np.zeros(forces.model.nv)
-        step[[dofs[column] for dofs in islands if column < len(dofs)]] = STEP
-        change = forces.net(forces.moved(qpos, -step)).force - forces.net(forces.moved(qpos, step)).force
-        for matrix, dofs in zip(matrices, islands, strict=True):
+        step[[dofs[column] for dofs in parts if column < len(dofs)]] = STEP
+        change = at(forces.moved(qpos, -step)) - at(forces.moved(qpos, step))
+        for matrix, dofs in zip(matrices, parts, strict=True):
             if column < len(dofs):
                 matrix[:, column] = change[dofs] / (2 * STEP)
     return matrices
 
 
-def modes(
-    forces: RestForces,
-    qpos: Float[np.ndarray, " nq"],
-    dofs: Int[np.ndarray, " n"],
-    free: Float[np.ndarray, "n free"],
-    matrix: Float[np.ndarray, "n n"],
-) -> Modes:
+def modes(mass: Float[np.ndarray, "n n"], free: Float[np.ndarray, "n free"], matrix: Float[np.ndarray, "n n"]) -> Modes:
     """The modes of a stiffness on the free directions (columns)."""
-    forces.net(qpos)
-    mass = forces.mass()[np.ix_(dofs, dofs)]
     within = free.T @ mass @ free
     within += 1e-15 * np.trace(within) * np.eye(len(within))
     eigenvalues, directions = eigh(free.T @ (matrix + matrix.T) @ free / 2, within)

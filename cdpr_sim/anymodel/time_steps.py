@@ -88,7 +88,7 @@ def stable_steps(model: Any, data: Any) -> StableSteps | None:
     alone = copy.copy(model)
     alone.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     forces, qpos = RestForces(alone, data), np.array(data.qpos)
-    stiffness = stiffness_of(forces, qpos, np.arange(model.nv))
+    (stiffness,) = stiffness_of(forces, qpos, [np.arange(model.nv)])
     damping = np.empty_like(stiffness)
     for dof, step in enumerate(SPEED * np.eye(model.nv)):
         damping[:, dof] = (forces.net(qpos, -step).force - forces.net(qpos, step).force) / (2 * SPEED)

@@ -22,13 +22,25 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.core.checks import MOST_LENGTH, Frozen, checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.property import EVERY, Method, Property, above_0, declarations, declared, from_0, near, within
+from cdpr_sim.core.property import (
+    EVERY,
+    Method,
+    Property,
+    Step,
+    above_0,
+    declarations,
+    declared,
+    from_0,
+    near,
+    within,
+)
 
-EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 7, 9, 10, 13, 14, 15, 16
-COLUMNS = 17
+EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 9, 10, 13, 14, 15, 16
+LAW, COLUMNS = RADIUS - STIFFNESS, 17
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
-line, the coefficients of nonlinear elasticity, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; and the number of columns."""
+line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
+the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; how many numbers a law has, and how
+many columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -63,6 +75,22 @@ NO_ELEMENT, NO_TERM = (0.0, np.inf, 1.0), (np.inf, 1.0)
 STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
 beyond."""
+
+
+LEAST_STRAIN = 1e-5
+"""Strain for the scale of steps of the density where there is less."""
+
+
+def _step_of_density(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Its own value; without one, a weight of 15 sqrt(strain) of the tension: at a step, (w L/T)²/24 is 1e-5 strain."""
+    weight = 15 * robot.axial_stiffness * np.maximum(strain, LEAST_STRAIN) ** 1.5 / length
+    return np.where(robot.linear_density > 0, robot.linear_density, weight / max(robot.gravity, 1.0))
+
+
+def _step_of_law(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Terms as large as the linear one; but of a slack cable none with which tension falls within the law's range."""
+    strain = np.where(strain > 0, strain, MOST_STRAIN / 4)
+    return np.stack([1 / strain, 1 / strain**2], axis=1)
 
 
 def _point_or_wheel(one: Property, radii: np.ndarray) -> np.ndarray:
@@ -131,25 +159,26 @@ class Cables:
     )
     axial_stiffness: Float[np.ndarray, " cables"] = declared(
         "Axial stiffness EA.", "N", checks=(above_0, within(*STIFFNESS_RANGE)), known_to=EVERY,
-        label="EA of cable {cable}",
+        label="EA of cable {cable}", step=Step(lambda robot, strain, length: robot.axial_stiffness),
     )
     linear_density: Float[np.ndarray, " cables"] = declared(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
         "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)), known_to=EVERY,
-        label="mass per length of cable {cable}",
+        label="mass per length of cable {cable}", step=Step(_step_of_density, least=True),
         example=("0.002", 'kg/m, or "material"; default: massless cables'),
         said=("{} g/m", lambda cabling: 1e3 * cabling.linear_density),
     )
     stiffening: Float[np.ndarray, "cables 2"] = declared(
         "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.",
         "", (0.0, 0.0), shape=(2,), checks=(within(-MOST_STIFFENING, MOST_STIFFENING),), known_to=EVERY,
-        label="{part} of cable {cable}", parts=("a2", "a3"),
+        label="{part} of cable {cable}", parts=("a2", "a3"), step=Step(_step_of_law),
         example=("[50, 0]", "(a2, a3) of tension = EA (eps + a2 eps^2 + a3 eps^3)"),
         said=("nonlinear with a2 = {}, a3 = {}", lambda cabling: cabling.stiffening),
     )
     pulley_radius: Float[np.ndarray, " cables"] = declared(
         "Radius of the wheel; 0 is a point.",
         "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=EVERY,
+        step=Step(lambda robot, strain, length: robot.pulley_radius, path=True),
         example=("0.02", "m"), said=("over pulleys of {} mm radius", lambda cabling: 1e3 * cabling.pulley_radius),
     )
     pulley_axis: Float[np.ndarray, "cables 3"] = declared(
@@ -173,7 +202,7 @@ class Cables:
     )
     winch_to_exit: Float[np.ndarray, " cables"] = declared(
         "Length of rope between the winch and the exit; it stretches with the cable.",
-        "m", 0.0, checks=(from_0, near), known_to=EVERY,
+        "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
         example=("6", "m of rope between winch and exit, which also stretches"),
         said=("{} m from winch to exit", lambda cabling: cabling.winch_to_exit),
     )
@@ -321,12 +350,11 @@ class Cabling(Cables, Frozen):
         """
         self.refuse_unknown("statics")
         self.refuse_memory()
-        return self.axial_stiffness, *self.coefficients
+        return self.law_of(self.axial_stiffness)
 
-    @property
-    def coefficients(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` behind the axial stiffness: a2, a3."""
-        return (*self.stiffening.T,)
+    def law_of(self, axial_stiffness: Float[np.ndarray, "*batch cables"]) -> tuple[Float[np.ndarray, "..."], ...]:
+        """The law of ropes of this axial stiffness [N], apart from their memory."""
+        return axial_stiffness, *self.stiffening.T
 
     def pulls(self, tensions: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
         """Of the tensions of ropes the forces on the platform, with all parts of line, (..., cables) [N]."""
@@ -356,6 +384,11 @@ class Cabling(Cables, Frozen):
         """
         return frozen(self.winch_to_exit / self.reeving)
 
+    @property
+    def added(self) -> Float[np.ndarray, " cables"]:
+        """What stretches besides the rest length, for each part of line, (cables,) [m]."""
+        return self.behind
+
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.
 
@@ -377,8 +410,7 @@ class Cabling(Cables, Frozen):
             lengths: stretched lengths [m].
             rest_lengths: unstretched lengths [m].
         """
-        behind = MOST_STRAIN * self.behind
-        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
+        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + MOST_STRAIN * self.added)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:

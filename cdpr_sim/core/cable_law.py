@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from cdpr_sim.core.cable import MOST_STRAIN as M
-from cdpr_sim.core.cable import STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import STIFFNESS
 from cdpr_sim.core.compiling import for_kernels, inline
 
 STRAIN_STEPS = 30
@@ -25,13 +25,13 @@ STRAIN_STEPS = 30
 
 def of_table(table):
     """The laws in rows of ``Robot.cable_table``, (..., columns), of all parts of line together: EA [N], a2, a3."""
-    return table[..., STIFFNESS], table[..., STIFFENING], table[..., STIFFENING + 1]
+    return at(np.moveaxis(table, -1, 0), STIFFNESS, 1)
 
 
 @inline
-def of_row(row):
-    """The law in one row of ``Robot.cable_table``."""
-    return row[STIFFNESS], row[STIFFENING], row[STIFFENING + 1]
+def at(numbers, first, step):
+    """The law whose numbers are in an array, at ``first`` and at steps from there."""
+    return numbers[first], numbers[first + step], numbers[first + 2 * step]
 
 
 @for_kernels(lambda law: law[1] == 0.0 and law[2] == 0.0, forceinline=True)

@@ -36,7 +36,7 @@ from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.locks import holding
 
 INTERPRETED = False
-"""Whether Python interprets kernels however many elements they get. For tests, and ``scripts/mutate.py``."""
+"""Whether Python interprets kernels however many elements they get. For tests, and ``scripts/dev/mutate.py``."""
 
 FEW = 100
 """Elements that a kernel interprets, in each process: as many as a command or a first try evaluates. At two to four
@@ -47,7 +47,11 @@ PIECE = 1000
 
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
-is raised. Code that takes longer than the first to load is being compiled anew, and that is logged, too."""
+is raised."""
+
+LOADING = 10.0
+"""Seconds after which a warning is logged that kept code is not loaded yet. One second suffices on an idle machine, so
+Numba may have rejected the code, as that of another date, and compile anew."""
 
 STRIDE = 1016
 """Numbers from one row of a scratch array to the next: as many as a robot may have cables, and an odd number of cache
@@ -58,11 +62,11 @@ ROWS = 160
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py",
-    "core/locks.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/contraction_kernel.py",
-    "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py", "proof/search_kernel.py",
-    "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py", "statics/catenary.py",
-    "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py", "statics/newton_kernel.py",
-    "statics/roots_kernel.py", "statics/stiffness_kernel.py",
+    "core/locks.py", "core/property.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py",
+    "proof/contraction_kernel.py", "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py",
+    "proof/search_kernel.py", "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py",
+    "statics/catenary.py", "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py",
+    "statics/newton_kernel.py", "statics/roots_kernel.py", "statics/stiffness_kernel.py",
 )  # fmt: skip
 """Modules that are compiled, and all that they import from this package; a test checks that the list is complete."""
 
@@ -101,6 +105,25 @@ inline = for_kernels(forceinline=True)
 
 outlined = for_kernels(forceinline=False)
 """The same for longer functions, which are compiled once and not into each of their callers."""
+
+
+def of_one_number(function: Callable) -> Callable:
+    """A function of module ``math`` for kernels, also interpreted; where it raises an error, NumPy's result.
+
+    NumPy's functions have code of their own for some processors, with another last digit than the C library's, which
+    Numba calls.
+    """
+    name = function.__name__
+    otherwise = getattr(np, f"arc{name[1:]}" if name.startswith("a") else name)
+
+    @for_kernels(lambda x: function(x), forceinline=True)
+    def interpreted(x):
+        try:
+            return np.float64(function(x))
+        except (ValueError, OverflowError):
+            return otherwise(x)
+
+    return interpreted
 
 
 class Compiled:
@@ -158,22 +181,21 @@ class Compiled:
         """Load the code from a folder, or compile it and keep it there."""
         import numba
 
-        if numba.config.DISABLE_JIT:
+        config: Any = vars(numba)["config"]
+        if config.DISABLE_JIT:
             return self._function
-        theirs = numba.config.CACHE_DIR
+        theirs = config.CACHE_DIR
         try:
-            numba.config.CACHE_DIR = str(kept or "")
+            config.CACHE_DIR = str(kept or "")
             code: Any = numba.njit(cache=kept is not None, **self._options)(self._function)
         finally:
-            numba.config.CACHE_DIR = theirs
-        say = functools.partial(
-            _log.warning, "cdpr_sim compiles its %s: up to a minute, once on this machine", self._what
-        )
-        later = threading.Timer(PATIENCE[0], say)  # Numba may take kept code for that of another date or processor
+            config.CACHE_DIR = theirs
+        late = "cdpr_sim still loads its %s, or compiles it anew: up to a minute"
+        later = threading.Timer(LOADING, _log.warning, (late, self._what))
         if kept and any(kept.glob("*/*.nbc")):
             later.start()
         else:
-            say()
+            _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)
         try:
             code.compile(self._signature)
         except OSError as error:

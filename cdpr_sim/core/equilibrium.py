@@ -180,7 +180,7 @@ class _NoEquilibrium(CdprError):
             where = f": found {found}" if found else ""
         elif status is Status.OVERSTRAINED:
             beyond = robot.cabling.beyond_law(point.lengths, point.rest_lengths)
-            beyond |= point.tensions > cable_law.largest_tension((robot.axial_stiffness, *robot.cabling.coefficients))
+            beyond |= point.tensions > cable_law.largest_tension(robot.cabling.law_of(robot.axial_stiffness))
             cables = [str(cable + 1) for cable in np.flatnonzero(beyond)]
             evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
         reason = f"{robot.name}: {point.source}: {status.sentence}{where} ({evidence})"

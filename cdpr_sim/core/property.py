@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -28,6 +28,23 @@ Rows: TypeAlias = Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]
 Check: TypeAlias = Callable[["Property", np.ndarray], np.ndarray]
 """Refuses values of a property, with a row for each cable, by an ``InvalidInput``; returns them as they are stored."""
 
+
+class Step(NamedTuple):
+    """Steps of a property for the derivatives of a cable's pull, which are differences.
+
+    Attributes:
+        scale: a change that lengthens or shortens the stretch by about as much as there is, a number or more for each
+            cable; a function of the robot, the largest strain of each cable, 0 where it is slack, and its length [m].
+        path: whether it changes the length of the path. The stretch is kept then, so that no step makes a slack cable
+            taut.
+        least: whether 0 is the least possible value, with steps to one side from there.
+    """
+
+    scale: Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
+    path: bool = False
+    least: bool = False
+
+
 REQUIRED: Any = ...
 """Default of a property that every robot gives."""
 
@@ -45,6 +62,7 @@ class Property:
         checks: of its values, in order.
         image: how a symmetry maps it: as a number, a point or an axis. None for what does not change the cable: forces
             that studies keep.
+        step: for derivatives by it, if there are any.
         known_to: the methods that take it into account. Others refuse cables that have it.
         memory: whether it makes the tension depend on the path.
         only_with: name of the property without which it has no effect.
@@ -64,6 +82,7 @@ class Property:
     none: tuple[float, ...] | None = None
     checks: tuple[Check, ...] = ()
     image: Literal["number", "point", "axis"] | None = "number"
+    step: Step | None = None
     known_to: tuple[Method, ...] = ()
     memory: bool = False
     only_with: str | None = None

@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
@@ -58,6 +59,8 @@ def canvas(width: float, height: float, title: str, caption: str, kind: type[Fig
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
     figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
     figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
+    for text in figure.texts:
+        text.set_parse_math(False)  # names and descriptions may contain any characters
     return figure
 
 
@@ -76,6 +79,15 @@ def encoded(figure: Figure, kind: str = "png") -> bytes:
 def key(label: str, **looks) -> Line2D:
     """Legend entry of a line or of markers."""
     return Line2D([], [], label=label, **looks)
+
+
+def legend_above(figure: Figure, handles: Sequence[Artist], columns: int, share: float = 0.04) -> SubplotSpec:
+    """Place a legend under the title, on this share of the figure's height; return the place of the rest."""
+    top, rest = figure.add_gridspec(2, 1, height_ratios=(share, 1))
+    ax = figure.add_subplot(top, label="legend")
+    ax.set_axis_off()
+    ax.legend(handles=handles, loc="center left", ncols=columns, borderaxespad=0)
+    return rest
 
 
 def legend_below(ax: Axes, handles: Sequence[Artist], down: float, columns: int = 2) -> None:
@@ -124,7 +136,7 @@ def _draw_frame_in_space(ax: Axes3D, robot: Robot, exits: bool) -> None:
     ax.set_proj_type("persp", focal_length=0.6)
     ax.view_init(elev=14, azim=-72)
     # Each axis omits the tick label at the corner that it shares with the next axis.
-    ax.xaxis.set_major_locator(MaxNLocator(8, prune="upper"))
+    ax.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))
     ax.set_yticks(np.linspace(lower[1], upper[1], 3)[1:])
     ax.zaxis.set_major_locator(MaxNLocator(5, prune="lower"))
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -76,24 +77,24 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
     position, rotation = at.translation, at.rotation.as_matrix()
     x, y, z = position
     figure = canvas(
-        10.0,
-        5.4,
+        style.WIDTH,
+        5.2,
         f"{robot.name}: {robot.description or f'{robot.cables} cables'}",
         f"Numbers: cables, at their exits and anchors. Cross: centre of mass. Commanded to ({x:.4g}, "
         f"{y:.4g}, {z:.4g}) m. A platform of {robot.mass:g} kg on {robot.cables} {describe_cables(robot)}; "
         f"{robot.mobility}.",
         Still,
     )
-    for text in figure.texts:
-        text.set_parse_math(False)  # names and descriptions may contain any characters
     grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
     projection = "3d" if robot.mobility == "spatial" else None
     whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
     draw_robot(whole, robot, position, rotation)
-    if projection:
-        whole.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))  # a narrow axes has no room for more
     frame = _with_room(robot).frame
-    _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
+    size = float(np.linalg.norm(np.ptp(frame, axis=0)))
+    if not projection:  # numbers stand outside the frame, and ticks outside the numbers
+        room = 0.09 * size
+        whole.set(xlim=frame[:, 0] + [-room, room], ylim=frame[:, 2] + [-room, room])
+    _label(whole, robot, robot.exits, frame.mean(0), size)
     whole.set_title("the robot, as commanded", loc="left")
     _close_up(close, robot, position, rotation)
     return figure
@@ -150,8 +151,8 @@ def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size:
         outwards = outwards / (np.linalg.norm(outwards) or 1.0)
         at = point + beside * size * outwards
         numbers = ", ".join(str(cable + 1) for cable in cables)
-        color = _color(cables[0]) if len(cables) == 1 else style.INK
-        looks = {"color": color, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
+        looks = {"color": style.INK, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
+        looks["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]  # legible over cables and edges
         ax.text(*(at if robot.mobility == "spatial" else at[[0, 2]]), numbers, **looks)
 
 

@@ -48,6 +48,9 @@ REPORTED = {"color": INK, "lw": 3.0, "solid_capstyle": "butt", "zorder": 7}
 
 PNG_DPI = 110
 
+WIDTH = 9.0
+"""[inch] Width of a figure on a page of the manual, which shows it with about 100 pixels per inch."""
+
 RC = {
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
@@ -87,22 +90,13 @@ TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.2
 
 # ------------------------------------------------------------------------------------------------------------- MAPS
 # Elastic maps over the workspace.
-MAP_PANEL = 2.6
-"""Width of a panel [inch]; half or twice that for a very high or very wide grid."""
+MAP_HEIGHT = 4.5
+"""Largest height of a panel [inch]."""
 
-MAP_HEIGHT = (1.2, 5.2)
-"""Smallest and largest height of a panel [inch]."""
+MAP_LOCATED, MAP_UNSOLVED = "#c9d6e2", "#d8d8d8"
+"""The region of the maps in the frame; and poses without an equilibrium."""
 
-MAP_LOCATOR, MAP_LOCATED = 0.62, "#c9d6e2"
-"""Height of the picture that locates the maps in the frame [inch]; colour of the located region."""
-
-MAP_INK, MAP_MUTED, MAP_FAINT = "#22303c", "#5d6974", "#8b97a3"
-"""Text and contours; notes; outlines and ticks."""
-
-MAP_BACKGROUND, MAP_UNSOLVED = "#ffffff", "#d8d8d8"
-"""The page; and poses without an equilibrium."""
-
-MAP_TILT, MAP_DISTANCE = "magma_r", "viridis_r"
+MAP_TILT, MAP_DISTANCE = "magma_r", "YlGnBu"
 """Colour maps of tilt and of deviation: dark is large."""
 
 MAP_SLACK = ["#f4f1de", "#f2d492", "#f2a65a", "#e5734a", "#c8443c", "#96263a", "#641236", "#3d0a2c", "#1c0517"]
@@ -115,21 +109,15 @@ MAP_BORDER = "#2c7a3f"
 """Its border in other panels, dashed."""
 
 MAP_OUTCOMES = {
-    "agree": "#58a55c",
-    "agree_except_neutral": "#a8d5a2",
-    "different_equilibria": "#f2a65a",
-    "disagree": "#c8443c",
-    "unsettled": "#7b3fa0",
-    "unsolved": "#3f51a0",
+    "agree": "#2f83c5",
+    "agree_except_neutral": "#9fd3f2",
+    "different_equilibria": "#f0b429",
+    "disagree": "#a31d00",
+    "unsettled": "#6b3d63",
+    "unsolved": "#1a1a1a",
     "refused": "#d8d8d8",
 }
-"""Outcomes of the comparison at a pose."""
-
-MAP_FONT = 8
-"""Size of ticks and contour labels [pt]; titles are larger by up to 3."""
-
-MAP_LETTERS = 15.5
-"""Characters per inch of the footnote."""
+"""Outcomes of the comparison at a pose: blue where the methods agree, warm where they differ, dark without a result."""
 
 # ------------------------------------------------------------------------------------------------------------ VIDEO
 Color = tuple[float, float, float]

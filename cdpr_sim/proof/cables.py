@@ -394,7 +394,7 @@ class Cable:
 def laws(problem: Problem, cables: list[Cable]) -> Float[np.ndarray, "cables law"]:
     """Each cable's row of ``geometry_kernel.Setup.law``."""
     with arithmetic(BITS):
-        pairs = [(one.parts * one.axial_stiffness, one.rest_length + one.behind / one.parts) for one in cables]
+        pairs = [(one.parts * one.axial_stiffness, one._rope() / one.parts) for one in cables]
         ends = np.moveaxis(bounds(np.array(pairs)), 0, -1)  # (cables, 2, 2): EA and the length that stretches
     columns = problem.rest_lengths, ends, problem.robot.stiffening, np.stack(slopes_of_law(problem.robot), 1)
     return np.array([[l0, *EA, *law, *slopes, *whole] for l0, (EA, whole), law, slopes in zip(*columns, strict=True)])

@@ -472,7 +472,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     drops = []
     for cable, rest in enumerate(problem.rest_lengths):
         stiffness, drop = stiffnesses[cable], float(rest)
-        stretches = rest + robot.cabling.behind[cable]
+        stretches = rest + robot.cabling.added[cable]
         while not stiffness * (drop - rest) / stretches * drop / math.hypot(drop, wide) > SPARE * _pull(problem):
             drop *= 1.01
         drops.append(at[cable, 0] + reach + drop)

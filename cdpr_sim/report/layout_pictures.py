@@ -28,7 +28,7 @@ from cdpr_sim.design.layout_equilibria import solve_layouts
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.objectives import Objective
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, draw_pose, key, slack_key, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, draw_pose, key, legend_above, slack_key, styled
 from cdpr_sim.drawing.maps import outer_edges
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
@@ -39,9 +39,6 @@ MAP_POINTS = 121
 
 CLEARANCE_POINTS = 61
 """Poses along the longer side of a map of distances."""
-
-WIDTH, HEIGHT = 9.6, 7.4
-"""Of the figure of two layouts [inch]."""
 
 FLAT = 0.2
 """Depth, as a fraction of the longest edge, below which a robot has no room for tick labels along y."""
@@ -156,23 +153,31 @@ def picture(validation: LayoutValidation) -> Figure:
     least = min(0.0, float(values.min()))
     before, after = (found.objective.shown(side.score) for side in sides)
     title = f"{found.given.name}: {found.objective.name} {before} → {after}"
-    figure = canvas(WIDTH, HEIGHT, title, _caption(validation, goal, at))
+    figure = canvas(style.WIDTH, 8.0, title, _caption(validation, goal, at))
     on_platform = [one for one in moved if one[-1]]
+    handles = [
+        *(key(f"{name} moved, from its previous position", **_MOVED, **looks) for name, looks, *_ in moved),
+        *(key(f"{name} changed", ls="none") for name in _changed(*robots)),
+        *([slack_key()] if any(side.settled.slack[worst].any() for side in sides) else []),
+        key("pose of the optimisation", **_POSE),
+        key("pose drawn above", **_DRAWN),
+    ]
     ratios = {
-        "height_ratios": [0.3, 2.6, 1.5, 0.22 * len(rows) + 0.1],
+        "height_ratios": [2.6, 1.5, 0.22 * len(rows) + 0.1],
         "width_ratios": [2, 2, 1][: 2 + bool(on_platform)],
     }
-    grid = figure.add_gridspec(4, 2 + bool(on_platform), **ratios)
+    body = legend_above(figure, handles, 3, share=0.08)
+    grid = body.subgridspec(3, 2 + bool(on_platform), hspace=0.06, **ratios)
     image, panels = None, []
     for column, (side, one, name) in enumerate(zip(sides, maps, ("before", "after"), strict=True)):
-        space, shapes = figure.add_subplot(grid[1, column], projection="3d"), shapes_of(side.settled)
+        space, shapes = figure.add_subplot(grid[0, column], projection="3d"), shapes_of(side.settled)
         draw_frame(space, side.settled.robot)
         _reach(space, robots)
         if column:
             _draw_moves(space, [each for each in moved if not each[-1]])
         draw_pose(space, side.settled, worst, None if shapes is None else shapes[worst])
         _unclipped(space, name)
-        panel = figure.add_subplot(grid[2, column])
+        panel = figure.add_subplot(grid[1, column])
         panels.append(panel)
         image = panel.imshow(
             one.T, origin="lower", extent=extent, aspect="equal",
@@ -187,18 +192,8 @@ def picture(validation: LayoutValidation) -> Figure:
     label = f"{goal.quantity} [{goal.unit}]" if goal.unit else goal.quantity
     figure.colorbar(image, ax=panels, label=label, shrink=0.9, pad=0.015)
     if on_platform:
-        _draw_platform_moves(figure.add_subplot(grid[1, 2], projection="3d"), found.robot, on_platform)
-    _write_numbers(figure.add_subplot(grid[3, :]), rows)
-    handles = [
-        *(key(f"{name} moved, from its previous position", **_MOVED, **looks) for name, looks, *_ in moved),
-        *(key(f"{name} changed", ls="none") for name in _changed(*robots)),
-        *([slack_key()] if any(side.settled.slack[worst].any() for side in sides) else []),
-        key("pose of the optimisation", **_POSE),
-        key("pose drawn above", **_DRAWN),
-    ]
-    legend = figure.add_subplot(grid[0, :])
-    legend.axis("off")
-    legend.legend(handles=handles, loc="center", ncols=3)
+        _draw_platform_moves(figure.add_subplot(grid[0, 2], projection="3d"), found.robot, on_platform)
+    _write_numbers(figure.add_subplot(grid[2, :]), rows)
     return figure
 
 

@@ -32,8 +32,8 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, WEIGHT, WRAPPED
-from cdpr_sim.core.cable_path import pulley_path
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable_path import pulley_path, wrap_angle
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
 from cdpr_sim.statics.memory_kernel import ELASTIC, KIND, memory_spring, strain_of, stretch_at_exit
@@ -131,7 +131,7 @@ def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
         row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
-        cable_law.of_row(row), row[WEIGHT],
+        cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
     )  # fmt: skip
 
 
@@ -293,7 +293,7 @@ def _guided(t, cable, G, row, elastic):
     nx, ny, nz = u[0] - cosine * ex, u[1] - cosine * ey, u[2] - cosine * ez
     sine = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / sine, ny / sine, nz / sine
-    theta = np.arctan2(sine, cosine)
+    theta = wrap_angle(sine, cosine, 1.0)
     f -= r * theta
     p, q = r * (1 - cosine), r * sine
     D = (p * nx + q * ex + f * u[0], p * ny + q * ey + f * u[1], p * nz + q * ez + f * u[2])

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS
+from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
 from cdpr_sim.core.compiling import STRIDE, inline, outlined
 from cdpr_sim.statics.any_cable import any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
@@ -32,10 +32,10 @@ PLAIN, BENT, WITH_MEMORY, SAGGING = range(4)
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
-AX, AY, AZ, BX, BY, BZ, L0, STIFF, EA, A2, A3, WHOLE, WHEEL, EX, EY, EZ, HIND, SIZE = range(0, 18 * STRIDE, STRIDE)
-"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; the law; lengths that
-stretch, with what lies behind the exits; the wheels' radius and axis; what lies behind the exits; and one number, the
-largest coordinate of an exit."""
+AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, WHEEL, EX, EY, EZ, HIND, SIZE, EA = range(0, 16 * STRIDE, STRIDE)
+"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch, with
+what lies behind the exits; the wheels' radius and axis; what lies behind the exits; one number, the largest coordinate
+of an exit; and the law, of which EA is the first row."""
 
 RX, RY, RZ, UX, UY, UZ, L, F, K, E = range(0, 10 * STRIDE, STRIDE)
 """State at a pose: arms of the anchors in the base frame; directions in which the cables pull; lengths; inverses of the
@@ -47,7 +47,7 @@ CX, CY, CZ, BEND, CLEAR = range(10 * STRIDE, 15 * STRIDE, STRIDE)
 PX, PY, PZ, XX, XY, YY, XZ, YZ, ZZ, ENERGY, TENSION = range(15 * STRIDE, 26 * STRIDE, STRIDE)
 """State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, and tension at the anchors."""
 
-DATA_ROWS, STATE_ROWS = 18, 26
+DATA_ROWS, STATE_ROWS = 15 + LAW, 26
 
 J, ROW, TAU, Q, TAUT, PULL, WEIGHTS, PREDICTED = (STRIDE * row for row in (0, 6, 12, 13, 14, 15, 16, 17))
 """Rows of the local model: ∂l/∂x, six rows; six rows of scratch; tensions; q; 1 where taut; forces; weights of
@@ -63,7 +63,8 @@ def load_table(d, table):
     for i in range(len(table)):
         d[AX + i], d[AY + i], d[AZ + i] = table[i, EXIT], table[i, EXIT + 1], table[i, EXIT + 2]
         d[BX + i], d[BY + i], d[BZ + i] = table[i, ANCHOR], table[i, ANCHOR + 1], table[i, ANCHOR + 2]
-        d[EA + i], d[A2 + i], d[A3 + i] = cable_law.of_row(table[i])
+        for k in range(LAW):
+            d[EA + k * STRIDE + i] = table[i, STIFFNESS + k]
         d[WHEEL + i], d[EX + i], d[EY + i], d[EZ + i] = (
             table[i, RADIUS], table[i, AXIS], table[i, AXIS + 1], table[i, AXIS + 2]
         )  # fmt: skip
@@ -79,7 +80,7 @@ def load_table(d, table):
 @inline
 def law(d, i):
     """The law of cable i."""
-    return d[EA + i], d[A2 + i], d[A3 + i]
+    return cable_law.at(d, EA + i, STRIDE)
 
 
 @inline

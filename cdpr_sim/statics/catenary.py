@@ -17,9 +17,16 @@ that only pulls.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from cdpr_sim.core.compiling import inline, outlined
+from cdpr_sim.core.compiling import inline, of_one_number, outlined
+
+acos, acosh, asinh, atanh, cos, exp, log, log1p = map(
+    of_one_number, (math.acos, math.acosh, math.asinh, math.atanh, math.cos, math.exp, math.log, math.log1p)
+)
+cosh_of, sinh_of = of_one_number(math.cosh), of_one_number(math.sinh)
 
 MASSLESS = 1e-150
 """Largest kappa of a cable that is treated as a massless spring: its weight is far below the rounding of any
@@ -64,12 +71,12 @@ def elastic_catenary(x, z, L0, EA, w):
             V = w * z / (2 * (1 + kappa))
             U = 0.5 * e * (V * V - half * half / 3) - 0.5 * L0 / half * (half * half - V * V)
             return V, 0.0, 0.0, 1 / (e + L0 / half), 0.0, U, abs(V - half), abs(V + half)
-        a = np.arctanh(kappa / (Z - 1))
+        a = atanh(kappa / (Z - 1))
     else:
         a = _solve(X, Z, kappa)
     rise, bend = _beyond(a)
     sinh = a + rise
-    cosh = np.sqrt(1 + sinh * sinh) if a < SERIES else np.cosh(a)
+    cosh = np.sqrt(1 + sinh * sinh) if a < SERIES else cosh_of(a)
     tanh = sinh / cosh
     K = 0.5 * w / (a + kappa)
     H, V = K * x, 0.5 * w * z / (tanh + kappa)
@@ -111,7 +118,7 @@ def _beyond(a):
         rise = q * a / 6 * (1 + q / 20 * (1 + q / 42 * rise))
         bend = 1 + q / 54 * (1 + q / 88 * (1 + q / 130 * (1 + q / 180)))
         return rise, q * a / 3 * (1 + q / 10 * (1 + q / 28 * bend))
-    grown = np.exp(a)
+    grown = exp(a)
     sinh = 0.5 * (grown - 1 / grown)
     return sinh - a, 0.5 * a * (grown + 1 / grown) - sinh
 
@@ -132,7 +139,7 @@ def _solve(X, Z, kappa):
         beyond = stretch - (Z * p) * Z * (2 - p) + (X * q) * (X * (2 + q))  # F − 1
         slope = Z * Z * (1 - p) * p / (cosh * cosh * (tanh + kappa))
         slope = 2 * (slope + X * (1 + q) * (X * (kappa * cosh + bend) / ((a + kappa) * (a + kappa))))
-        step = np.log1p(beyond) * (1 + beyond) / slope
+        step = log1p(beyond) * (1 + beyond) / slope
         if abs(step) <= ENOUGH * a or abs(beyond) <= noise:
             return max(a - step, 0.5 * a)
         if beyond > 0:
@@ -150,16 +157,16 @@ def _start(X, Z, chord, kappa):
     """Start near the root: from F's first terms where the cable is nearly straight, else from its exponentials."""
     upright = Z / (1 + kappa)
     if upright < 1 and chord < 1 + kappa:
-        y = np.log(2 * np.sqrt((1 - upright) * (1 + upright)) / X)
+        y = log(2 * np.sqrt((1 - upright) * (1 + upright)) / X)
         if y > 1:
-            return y + np.log(kappa + y + np.log(kappa + y + 1))
+            return y + log(kappa + y + log(kappa + y + 1))
     # c a³/6 + (chord − 1) a = kappa with c = cos² of the chord's slope
-    c = max((X / chord) ** 2, 1e-30)
+    c = max(X / chord * (X / chord), 1e-30)
     p, q = 6 * (chord - 1) / c, 6 * kappa / c
     if p == 0:
         return q ** (1 / 3)
     size = np.sqrt(abs(p) / 3)
     t = 1.5 * q / (abs(p) * size)
     if p > 0:
-        return 2 * size * np.sinh(np.arcsinh(t) / 3)
-    return 2 * size * (np.cosh(np.arccosh(t) / 3) if t > 1 else np.cos(np.arccos(t) / 3))
+        return 2 * size * sinh_of(asinh(t) / 3)
+    return 2 * size * (cosh_of(acosh(t) / 3) if t > 1 else cos(acos(t) / 3))

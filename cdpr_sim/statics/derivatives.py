@@ -2,21 +2,21 @@
 
 Sensitivities, identification, compensation and the search for saddles are built on them. A step of the pose is
 (translation, left-applied rotation vector), as in ``forces``. All are for the present set of taut cables. By properties
-of the cables they are differences of the law in ``forces``: a new property is a row of ``PROPERTIES``.
+of the cables they are differences of the law in ``forces``, by the steps that ``core.cable`` declares.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping
-from typing import NamedTuple
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import MOST_STRAIN, WEIGHT
+from cdpr_sim.core.cable import PROPERTIES, WEIGHT
 from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.property import Step
 from cdpr_sim.core.robot import Robot, beside
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
@@ -36,44 +36,7 @@ PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "ce
 """Parameters of every equilibrium, by the names of ``Robot`` and ``Problem``."""
 
 
-class Property(NamedTuple):
-    """A property of cables by which pulls are differenced.
-
-    Attributes:
-        scale: a change that lengthens or shortens the stretch by about as much as there is, a number or more for each
-            cable; a function of the robot, the largest strain of each cable, 0 where it is slack, and its length [m].
-        path: whether it changes the length of the path. The stretch is kept then, so that no step makes a slack cable
-            taut.
-        least: whether 0 is the least possible value, with steps to one side from there.
-    """
-
-    scale: Callable[[Robot, Array, Array], Array]
-    path: bool = False
-    least: bool = False
-
-
-def _density(robot: Robot, strain: Array, length: Array) -> Array:
-    """Its own value; without one, a weight of 15 sqrt(strain) of the tension: at a step, (w L/T)²/24 is 1e-5 strain."""
-    weight = 15 * robot.axial_stiffness * np.maximum(strain, LEAST_STRAIN) ** 1.5 / length
-    return np.where(robot.linear_density > 0, robot.linear_density, weight / max(robot.gravity, 1.0))
-
-
-def _stiffening(robot: Robot, strain: Array, length: Array) -> Array:
-    """Terms as large as the linear one; but of a slack cable none with which tension falls within the law's range."""
-    strain = np.where(strain > 0, strain, MOST_STRAIN / 4)
-    return np.stack([1 / strain, 1 / strain**2], axis=1)
-
-
-PROPERTIES = {
-    "axial_stiffness": Property(lambda robot, strain, length: robot.axial_stiffness),
-    "pulley_radius": Property(lambda robot, strain, length: robot.pulley_radius, path=True),
-    "winch_to_exit": Property(lambda robot, strain, length: length),
-    "linear_density": Property(_density, least=True),
-    "stiffening": Property(_stiffening),
-}
-"""Properties of cables by which pulls are differenced, by the names of ``Robot``."""
-
-WRAPPED = Property(lambda robot, strain, length: length)
+WRAPPED = Step(lambda robot, strain, length: length)
 """``Robot.wrapped_lengths``, which follow exits and anchors."""
 
 STEP = 1e-3
@@ -84,13 +47,11 @@ series."""
 CENTRAL, FORWARD = (1 / 12, -2 / 3, 0.0, 2 / 3, -1 / 12), (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4)
 """Weights of differences at -2 to 2 steps; and at 0 to 4."""
 
-LEAST_STRAIN = 1e-5
-"""Strain for the scale of steps of the density where there is less."""
-
 
 def parameters(robot: Robot) -> tuple[str, ...]:
     """Parameters on which an equilibrium of ``robot`` depends; ``stiffening``: a2 and a3 of cable 1, of cable 2, ..."""
-    return tuple(dict.fromkeys([*PARAMETERS, *(name for name in PROPERTIES if getattr(robot, name).any())]))
+    own = (name for name, one in PROPERTIES.items() if one.step and robot.cabling.has(name).any())
+    return tuple(dict.fromkeys([*PARAMETERS, *own]))
 
 
 def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
@@ -123,7 +84,7 @@ def wrench_under_tensions(state: State) -> tuple[Float[Array, "6 6"], Float[Arra
         slope[3:, 3:] += moments.T - moments.trace() * _EYE
         return slope, W
     taut, by_length = state.tensions > 0, pull_by_parameter(state, ["rest_lengths"])["rest_lengths"][..., 0]
-    along = (state.pull_directions * by_length).sum(-1) / robot.reeving
+    along = robot.cabling.tensions((state.pull_directions * by_length).sum(-1))
     pulls = by_length / np.where(taut, along, 1.0)[:, None]
     by_tension = np.where(taut, np.hstack([pulls, np.cross(state.geometry.arms, pulls)]).T, W)
     return wrench_slope(state) - (by_tension * taut) @ tension_by_pose(state), by_tension
@@ -155,7 +116,7 @@ def by_parameter(
         along = (state.pull_directions[..., None, :] @ by)[..., 0, :]
         if name == "linear_density":  # which pulls in a slack massless cable as well
             along = np.where((state.tensions > 0)[..., None], along, np.linalg.norm(by, axis=-2))
-        along = along / robot.reeving[:, None]
+        along = robot.cabling.tensions(along.swapaxes(-1, -2)).swapaxes(-1, -2)
         each = np.eye(robot.cables)[..., None] * along[..., :, None, :]
         found[name] = both.reshape(*both.shape[:-2], -1), each.reshape(*shape, -1)
     return found
@@ -206,7 +167,7 @@ def along_changes(
 def tension_by_pose(state: State) -> Float[Array, "*batch cables 6"]:
     """∂(tensions)/∂(pose step): minus the pull's change along itself with the anchor's step, 1 and −[r]×."""
     along = (state.pull_directions[..., None, :] @ state.cable_stiffness)[..., 0, :]
-    along = along / state.problem.robot.reeving[:, None]
+    along = state.problem.robot.cabling.tensions(along.swapaxes(-1, -2)).swapaxes(-1, -2)
     return -np.concatenate([along, np.cross(state.geometry.arms, along)], axis=-1)
 
 
@@ -219,21 +180,23 @@ def pull_by_parameter(state: State, names: Collection[str]) -> dict[str, Float[A
     robot, stiffness = state.problem.robot, state.cable_stiffness
     table = robot.cable_table(state.problem.axial_stiffness)
     by_exits, by_anchors = stiffness, -stiffness @ state.rotation[..., None, :, :]
-    if {"exits", "anchors"} & {*names} and (robot.cabling.pulleys & (robot.linear_density > 0)).any():
+    if {"exits", "anchors"} & {*names} and (robot.cabling.pulleys & robot.cabling.with_mass).any():
         wrapped = _differences(state, "wrapped_lengths", WRAPPED)
         wrapped = wrapped @ _wrapped_by_exit(robot)[:, None]
         by_exits, by_anchors = by_exits + wrapped, by_anchors - wrapped
     found = {"exits": by_exits, "anchors": by_anchors}
     found["rest_lengths"] = _pulls_by_length(table, state.pulls, stiffness)[..., None]
-    found |= {name: _differences(state, name, kind) for name, kind in PROPERTIES.items() if name in names}
+    for name in names:
+        if name in PROPERTIES and (step := PROPERTIES[name].step):
+            found[name] = _differences(state, name, step)
     return {name: by for name, by in found.items() if name in names}
 
 
-def _differences(state: State, name: str, kind: Property) -> Float[Array, "*batch cables 3 numbers"]:
+def _differences(state: State, name: str, kind: Step) -> Float[Array, "*batch cables 3 numbers"]:
     """∂(pull)/∂(property) of each cable by differences of its law: all cables at once, as each has its own."""
     problem, robot = state.problem, state.problem.robot
     batch = tuple(range(state.tensions.ndim - 1))
-    strain = state.pull_sizes / (robot.reeving * problem.axial_stiffness)
+    strain = state.tensions / problem.axial_stiffness
     strain = np.where(state.lengths > problem.rest_lengths, strain, 0.0).max(batch)
     length = np.broadcast_to(problem.rest_lengths, state.tensions.shape).mean(batch)
     value = np.asarray(problem.axial_stiffness if name == "axial_stiffness" else getattr(robot, name), dtype=float)
@@ -313,11 +276,9 @@ def rest_lengths_under(
         tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
-    rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.behind
-    )
+    rest = cable_law.rest_length_for(cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.added)
     rest = np.where(rest > 0, rest, np.nan)
-    pulls = cabling.reeving * tensions
+    pulls = cabling.pulls(tensions)
     done = np.zeros(rest.shape, bool)
     idle = (tensions == 0) & (robot.cable_weights == 0)  # its length is its rest length
     for _ in range(LENGTH_STEPS):

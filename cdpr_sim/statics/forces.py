@@ -314,7 +314,7 @@ def _stretched(problem: Problem | Problems) -> tuple[Array, tuple[Array, ...]]:
     """The arguments of ``cable_law`` besides stretches: the length of rope that stretches, and the law."""
     cabling = problem.robot.cabling
     cabling.refuse_memory()
-    return problem.rest_lengths + cabling.behind, (problem.axial_stiffness, *cabling.coefficients)
+    return problem.rest_lengths + cabling.added, cabling.law_of(problem.axial_stiffness)
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -36,7 +36,7 @@ def cut(
     """
     cables = forces.geometry(robot, position, rotation)
     if robot.cabling.massless:
-        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.cabling.law, behind=robot.cabling.behind)
+        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.cabling.law, behind=robot.cabling.added)
         matrix = cables.wrench_matrix
     else:
         chords = position[..., None, :] + cables.arms - robot.exits
@@ -50,7 +50,7 @@ def cut(
     if refuse and not rest.min() > 0:  # also if one is nan
         row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
         cable = int(row[-1])
-        length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.behind[cable]
+        length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.added[cable]
         strain = cable_law.strain_at(tension, tuple(one[cable] for one in robot.cabling.law))
         if stretched * strain >= length:
             raise InvalidInput(

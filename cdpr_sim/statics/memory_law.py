@@ -204,7 +204,7 @@ class MemoryLaw:
         """Strains of the elastic law under forces over EA."""
         if not self.curved.any():
             return forces
-        return cable_law.strain_at(forces, (1.0, *self.robot.cabling.coefficients))
+        return cable_law.strain_at(forces, self.robot.cabling.law_of(np.ones(self.robot.cables)))
 
     def _stretch_under(self, pulls: Float[Array, "*batch cables"]) -> Float[Array, "*batch cables"]:
         """x of cables under these tensions [m]; of nonlinear ones without elements."""

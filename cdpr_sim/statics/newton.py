@@ -152,7 +152,7 @@ def solve_step(
     with_mass = robot.cabling.has_memory & (robot.cable_weights > 0)
     if with_mass.any():
         ends = found.positions[..., None, :] + robot.anchors @ np.swapaxes(found.rotations, -1, -2)
-        pulled = any_cables(table, ends - robot.exits, rest).exit_tension / robot.reeving
+        pulled = robot.cabling.tensions(any_cables(table, ends - robot.exits, rest).exit_tension)
         ended = np.where(with_mass & ~np.isnan(ended), pulled, ended)
     return found, law.after(found.lengths, ended, moment)
 
@@ -254,7 +254,7 @@ def solve_table(
         solved, given, EQUILIBRIA.axes, threads, compiling.PIECE
     )
     with np.errstate(all="ignore"):
-        tensions = pulls / cabling.reeving
+        tensions = cabling.tensions(pulls)
         if not cabling.linear:
             largest = cable_law.largest_tension(cable_law.of_table(table))
             beyond = (status == Status.CONVERGED) & (pulls > largest).any(-1)

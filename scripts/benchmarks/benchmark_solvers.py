@@ -123,11 +123,9 @@ def kinds(poses: int, names: Iterable[str]) -> None:
         }
         for kind, one in some.items():
             asked = positions if one.cabling.massless else positions[: poses // 10]
-            seconds = []
-            for _ in range(REPETITIONS):
-                start = time.process_time()
-                found = newton.solve_many(one, asked, threads=1)
-                seconds.append(time.process_time() - start)
+            solve = partial(newton.solve_many, one, asked, threads=1)
+            found = solve()
+            seconds = timeit.repeat(solve, timer=time.process_time, number=1, repeat=REPETITIONS)
             rows.add_row(
                 name, kind, f"{found.converged.mean():.2%}", f"{found.iterations.mean():.1f}",
                 f"{1e6 * np.median(seconds) / len(asked):.2f}",

@@ -1,5 +1,7 @@
 """Draw the errors along the paper's line without and with compensation: pictures/compensation.png."""
 
+# pyright: reportArgumentType=false, reportCallIssue=false
+# matplotlib's stubs know no keyword dictionaries.
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,21 +13,24 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import Compensation, compensate
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, encoded, key, legend_above, points, styled
+from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
 
-ROBOTS = {"cogiro": "crossed cables (Cogiro), fishing line", "parallel": "parallel cables, fishing line"}
+ROBOTS = {"cogiro": "crossed cables (cogiro)", "parallel": "parallel cables (parallel)"}
 MATERIAL = "fishing-0.4mm"
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 24)]  # m, the paper's
 ARM = None  # m, weight of rotation where the pose cannot be held; None: the characteristic length, 59 mm
-DPI = 150
 OUTPUT = Path(__file__).parents[2] / "pictures" / "compensation.png"
 
 
@@ -99,91 +104,66 @@ def compensated_line(robot: Robot, title: str, commanded: ArrayLike, *, arm: flo
     )
 
 
-BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f4f1ea"
+BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f2f2f2"
 """Colours; the last one shades poses that no lengths can hold."""
 
-INK, MUTED, POINT = style.INK, style.MUTED, style.POINT
-SIZE = (8.4, 5.0)
 
-
+@styled
 def draw_compensation(lines: Sequence[CompensatedLine]) -> Figure:
     """Errors of position and rotation over the commanded x, before and after compensation: a column per line."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.05, wspace=0.04, hspace=0.04)  # type: ignore[union-attr]
-    axes = figure.subplots(2, len(lines), sharex=True, squeeze=False)
+    figure = canvas(
+        style.WIDTH,
+        6.0,
+        "Compensated lengths remove the error wherever cables can hold the pose",
+        f"DemoBot with {MATERIAL} cables, commanded along the paper's line at y = {LINE[0][1]:g} m and z = "
+        f"{LINE[0][2]:g} m. Rigid lengths: the distances from exits to anchors. Lines: static solver; hollow points: "
+        "MuJoCo, settled. Dashed: lengths that hold the position whatever the rotation is, in MuJoCo.",
+    )
+    handles = [
+        key("rigid lengths", **points(BEFORE) | {"ls": "-", "color": BEFORE}),
+        key("compensated lengths", **points(AFTER, "s") | {"ls": "-", "color": AFTER}),
+        key("compensated in position only", color=POSITION, ls=style.DASHES[1]),
+        Patch(fc=OUT_OF_REACH, label="no lengths hold the pose"),
+    ]
+    axes = legend_above(figure, handles, 4).subgridspec(2, len(lines)).subplots(sharex=True, squeeze=False)
     for column, line in enumerate(lines):
         _panel(axes[0, column], line, "position")
         _panel(axes[1, column], line, "rotation")
-        axes[0, column].set_title(line.title, loc="left", fontsize=10, color=INK, pad=9)
-        axes[1, column].set_xlabel("commanded x [mm]", color=INK)
-    axes[0, 0].set_ylabel("position error [mm]", color=INK)
-    axes[1, 0].set_ylabel("rotation error [°]", color=INK)
-    entries = {}
-    for column in range(len(lines)):
-        handles, labels = axes[0, column].get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    figure.legend(
-        entries.values(),
-        entries.keys(),
-        loc="outside lower center",
-        ncols=5,
-        frameon=False,
-        fontsize=8.5,
-        columnspacing=1.4,
-    )
+        axes[0, column].set_title(line.title)
+        axes[1, column].set_xlabel("commanded x [mm]")
+    axes[0, 0].set_ylabel("position error [mm]")
+    axes[1, 0].set_ylabel("rotation error [°]")
     return figure
-
-
-def _power(value: float) -> str:
-    """The next power of ten above ``value``."""
-    return f"$10^{{{int(np.ceil(np.log10(max(value, 1e-15))))}}}$"
 
 
 def _panel(axes: Axes, line: CompensatedLine, of: Literal["position", "rotation"]) -> None:
     x = np.array([1e3 * one.commanded.translation[0] for one in line.compensations])
-    exact = line.exact
 
     def errors(results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
         return 1e3 * line.position_errors(results) if of == "position" else np.degrees(line.rotation_errors(results))
 
-    if not exact.all() and of == "position":
-        axes.text(
-            0.5, 0.95, "shaded: no cable lengths\nhold the commanded pose", transform=axes.transAxes, ha="center",
-            va="top", fontsize=8.5, color=MUTED,
-        )  # fmt: skip
-    if not exact.all():
-        half = np.diff(x).mean() / 2
-        for at in x[~exact]:
-            axes.axvspan(at - half, at + half, color=OUT_OF_REACH, linewidth=0, zorder=0)
+    half = np.diff(x).mean() / 2
+    for at in x[~line.exact]:
+        axes.axvspan(at - half, at + half, color=OUT_OF_REACH, lw=0, zorder=0)
     before, after = errors(line.before), errors(line.after)
-    axes.plot(x, before, color=BEFORE, linewidth=style.LINE, label="rigid lengths")
-    axes.plot(x, errors(line.settled_before), "o", color=BEFORE, markersize=POINT, mfc="white", label="… in MuJoCo")
-    axes.plot(x, after, color=AFTER, linewidth=style.LINE, label="compensated lengths", clip_on=False, zorder=3)
-    axes.plot(
-        x, errors(line.settled_after), "s", color=AFTER, markersize=POINT, mfc="white", label="… in MuJoCo ",
-        clip_on=False, zorder=4,
-    )  # fmt: skip
+    above = {"clip_on": False, "zorder": 7}
+    axes.plot(x, before, color=BEFORE, gid="static before")
+    axes.plot(x, errors(line.settled_before), **points(BEFORE), gid="mujoco before")
+    axes.plot(x, after, color=AFTER, **above | {"zorder": 3}, gid="static after")
+    axes.plot(x, errors(line.settled_after), **points(AFTER, "s") | above, gid="mujoco after")
     if line.position_only:
         position_only = errors(line.position_only)
-        axes.plot(
-            x, position_only, color=POSITION, linewidth=style.LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
-            label="… position only, in MuJoCo",
-        )  # fmt: skip
+        axes.plot(x, position_only, color=POSITION, ls=style.DASHES[1], clip_on=False, gid="mujoco position only")
         after = np.append(after, position_only)
-    if exact.all():
-        worst = max(errors(line.settled_after))
+    if line.exact.all():
         unit = " mm" if of == "position" else "°"
         axes.annotate(
-            f"compensated: at most {_power(worst)}{unit}", (x.mean(), 0), xytext=(0, 11), textcoords="offset points",
-            ha="center", fontsize=8.5, color=AFTER,
+            f"compensated: at most {power_of_ten(max(errors(line.settled_after)))}{unit}", (x.mean(), 0), (0, 11),
+            textcoords="offset points", ha="center", fontsize=8.5, color=AFTER,
         )  # fmt: skip
     axes.set_ylim(0, 1.12 * max(before.max(), after.max()))
     axes.set_xlim(x[0] - 12, x[-1] + 12)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(MUTED)
-    axes.tick_params(colors=MUTED, labelcolor=INK, labelsize=8.5)
-    axes.grid(axis="y", color="#e6e6e6", linewidth=0.6)
-    axes.set_axisbelow(True)
+    axes.grid(axis="y")
 
 
 def main() -> None:
@@ -196,7 +176,7 @@ def main() -> None:
         print(f"{name}: the commanded pose is held at {line.exact.sum()} of {len(LINE)} points")
         lines.append(line)
     OUTPUT.parent.mkdir(exist_ok=True)
-    draw_compensation(lines).savefig(OUTPUT, dpi=DPI)
+    write_whole({OUTPUT: encoded(draw_compensation(lines))})
     print(OUTPUT.name)
 
 

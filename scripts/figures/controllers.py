@@ -30,7 +30,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, styled
+from cdpr_sim.drawing.axes import canvas, encoded, legend_above, styled
 from cdpr_sim.report.table_style import new_table
 from controller_comparison import (
     ELASTIC,
@@ -122,7 +122,7 @@ ROWS = {
     RIGID: "rigid lengths\n(DemoBot)",
     ELASTIC: "elastic lengths",
     TENSIONS: "tensions\n(force control)",
-    MIXED: "lengths on six cables,\ntensions on two",
+    MIXED: "lengths on six,\ntensions on two",
     RIGID_FEEDBACK: "rigid lengths,\npose feedback",
     ELASTIC_FEEDBACK: "elastic lengths,\npose feedback",
 }
@@ -141,29 +141,23 @@ LEAST = 0.03
 def controllers(runs: Sequence[Run]) -> Figure:
     """Errors of position and tilt, and tensions: a row per scheme, a line per run."""
     figure = canvas(
-        12,
-        9.2,
+        style.WIDTH,
+        10.0,
         "With model errors, pose feedback reduces the errors more than a better model; no scheme holds poses that "
         "parallel cables cannot hold",
         f"MuJoCo, controllers at 100 Hz. Their model has {STIFFNESS_BELIEVED:.0%} of the true EA and one exit "
         f"{1e3 * EXIT_OFF[0]:g} mm off. Each row: the paper's line and a circle, two cables, two speeds. Errors: point "
-        "at the root mean square, line up to the maximum. Tensions: from the lowest to the highest of all cables, "
-        "slack ones at the left edge. Sensors: the pose at 100 Hz, 10 ms late, with noise of 0.065 mm and 1 mrad. "
+        "at the root mean square, line up to the maximum. Tensions: of all cables, slack ones at the left edge. "
+        "Sensors: the pose at 100 Hz, 10 ms late, with noise of 0.065 mm and 1 mrad. "
         "Parallel cables can hold the platform level along a third of the line and nowhere on the circle.",
     )
-    top, body = figure.add_gridspec(2, 1, height_ratios=(0.03, 1))
-    key = figure.add_subplot(top)
-    key.set_axis_off()
-    key.legend(handles=_legend(runs), loc="center", ncols=6)
-    axes = body.subgridspec(len(LAYOUTS), 3).subplots(sharey=True, sharex="col")
+    axes = legend_above(figure, _legend(runs), 6).subgridspec(len(LAYOUTS), 3).subplots(sharey=True, sharex="col")
     for row, layout in zip(axes, LAYOUTS, strict=True):
         own = [one for one in runs if one.task.layout == layout]
         _errors(row[0], own, [1e3 * one.position_errors for one in own])
         _errors(row[1], own, [np.degrees(one.tilts) for one in own])
         _tensions(row[2], own)
-        row[0].set_title(f"{TITLES[layout]}: position")
-        row[1].set_title("tilt")
-        row[2].set_title("tensions")
+        row[0].set_title(TITLES[layout], fontweight="bold")
         row[0].set_yticks(range(len(ROWS)), list(ROWS.values()))
         row[0].set_ylim(len(ROWS) - 0.5, -0.5)
         for ax in row:
@@ -171,7 +165,8 @@ def controllers(runs: Sequence[Run]) -> Figure:
             ax.tick_params(axis="y", length=0)
             for border in range(1, len(ROWS)):
                 ax.axhline(border - 0.5, color=style.FAINT, lw=style.HAIR)
-    for ax, label in zip(axes[-1], ("position error [mm]", "tilt error [°]", "tension [N]"), strict=True):
+    labels = "position error [mm]", "tilt error [°]", "tensions [N], lowest to highest"
+    for ax, label in zip(axes[-1], labels, strict=True):
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
         ax.set_xlabel(label)

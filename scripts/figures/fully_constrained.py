@@ -235,7 +235,7 @@ def directions(equilibria: EquilibriumBatch) -> list[str]:
 
 
 SETTLED = key("MuJoCo, settled", **points(style.INK))
-LABEL_SPACING = 1.3
+LABEL_SPACING = 1.35
 """Smallest ratio between the heights of two labels on a logarithmic scale."""
 
 SLACK = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH, "lw": 2.2}
@@ -249,8 +249,8 @@ def draw_pretension(study: Pretension) -> Figure:
     gain = study.unloaded.static.eigenvalues[-1, 0] / study.rigid[0]
     overload = study.short_by(ABOVE, float(robot.force_max[0]))
     figure = canvas(
-        13,
-        8.2,
+        style.WIDTH,
+        10.5,
         f"Pretension makes IPAnema 1 up to {gain:.0f} times stiffer about its softest axis; one length "
         f"{100 * overload / robot.rest_lengths(robot.home)[ABOVE]:.1f} % too short overloads it",
         f"{robot.name}: 8 cables of 2.5 mm Dyneema, EA = {robot.axial_stiffness[0] / 1e3:.0f} kN, winches of "
@@ -260,13 +260,13 @@ def draw_pretension(study: Pretension) -> Figure:
         f"hollow points: MuJoCo. Differences below {exponent(differences[0])} m and "
         f"{exponent(differences[1])} of the stiffness.",
     )
-    grid = figure.add_gridspec(2, 3)
+    grid = figure.add_gridspec(3, 2)
     _robot(figure.add_subplot(grid[0, 0], projection="3d"), study)
     _stiffness(figure.add_subplot(grid[0, 1]), study)
     _pushes(figure.add_subplot(grid[1, 0]), study, turned=False)
     _pushes(figure.add_subplot(grid[1, 1]), study, turned=True)
-    _displacements(figure.add_subplot(grid[0, 2]), study)
-    _overload(figure.add_subplot(grid[1, 2]), study)
+    _displacements(figure.add_subplot(grid[2, 0]), study)
+    _overload(figure.add_subplot(grid[2, 1]), study)
     return figure
 
 
@@ -274,14 +274,13 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
     """The robot under a downward force, with too little pretension."""
     drawing.draw_frame(ax, study.robot)
     drawing.draw_pose(ax, study.drawn, 0)
-    ax.set_box_aspect(tuple(np.diff(study.robot.frame, axis=0)[0]), zoom=0.78)
-    ax.zaxis.labelpad = -6
+    ax.set_box_aspect(tuple(np.diff(study.robot.frame, axis=0)[0]), zoom=1.0)
     for axis, (low, high) in zip((ax.xaxis, ax.yaxis, ax.zaxis), study.robot.frame.T, strict=True):
-        axis.set_ticks([0, high] if axis is ax.yaxis else [low, high])
+        axis.set_ticks([high] if axis is ax.yaxis else [low, high])
     x, y, z = study.drawn.positions[0]
     ax.quiver(x, y, z + 0.75, 0, 0, -0.6, color=style.INK, lw=2, arrow_length_ratio=0.3)
-    above = drawing.seen(ax, np.array([x, y, z + 1.1]))
-    ax.text2D(*above, f"{FORCE:g} N", transform=ax.transData, fontsize=8.5, ha="center")
+    above = drawing.seen(ax, np.array([x, y, z + 0.85]))
+    ax.text2D(*above, f"{FORCE:g} N", transform=ax.transData, fontsize=8.5, ha="center", va="bottom")
     slack = int(study.drawn.slack[0].sum())
     ax.set_title(f"{DRAWN:g} N: {slack} cables slack under a force", loc="left")
     handles = [handle for handle in drawing.pose_legend(slack=True) if "cable" in str(handle.get_label())]
@@ -380,7 +379,7 @@ def _overload(ax: Axes, study: Pretension) -> None:
     ax.set_ylabel("largest tension [N]")
     ax.set_ylim(bottom=0)
     ax.set_title("Largest tension under this length error")
-    full = key("from here on it is slack", ls="none", marker="o", color=style.MUTED, ms=6.5)
+    full = key("from here on, it is slack", ls="none", marker="o", color=style.MUTED, ms=6.5)
     ax.legend(handles=[SETTLED, full], loc="lower left")
 
 

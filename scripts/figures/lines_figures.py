@@ -40,8 +40,8 @@ METHODS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
     """Fig. 6: the four layouts, each in equilibrium at the middle of its workspace, with cable numbers."""
     figure = canvas(
-        10.8,
-        8.4,
+        style.WIDTH,
+        7.6,
         "Four layouts: cables in vertical or horizontal parallelograms, and crossed",
         "Equilibrium of each platform, commanded to the middle of its workspace. Numbers: the cables, as in the other "
         "figures; blue: left, red: right. (Paper, Fig. 6)",
@@ -148,7 +148,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         verbs = ("tilts ", "deviates ") if not extremes else ("", "")
         extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{down:.2g} mm downwards")
     figure = canvas(
-        10.5,
+        style.WIDTH,
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
         f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "
@@ -207,8 +207,8 @@ def _width(width: Width, *, rows: int = 1, projection: str | None = None) -> tup
     if robot.mobility == "spatial":
         drawn += f", y = {commanded[0, 1]:g} m"
     figure = canvas(
-        11.5,
-        7.2 if rows > 1 else 6.2,
+        style.WIDTH,
+        7.6 if rows > 1 else 6.2,
         _headline(width),
         f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
         f"{describe_cables(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
@@ -253,7 +253,7 @@ def _tensions(ax: Axes, line: Line, zones_named: dict[str, Patch], *, last: bool
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
     if last:
         ax.set_xlabel("commanded x [m]")
-        legend_below(ax, [*handles, *(zones_named[label] for label in sorted(zones_named))], 0.24, columns=3)
+        legend_below(ax, [*handles, *(zones_named[label] for label in sorted(zones_named))], 0.24)
     else:
         ax.tick_params(labelbottom=False)
 

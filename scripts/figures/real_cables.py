@@ -312,7 +312,7 @@ def draw_real_cables(study: RealCables) -> Figure:
     """Real cables: examples, and the displacement of the platform by each of their properties."""
     rates = [one.rate for one in study.growths if one.axis == BELOW][:2]
     figure = canvas(
-        12,
+        style.WIDTH,
         8.2,
         f"Pulleys unknown to the winches cause an error of about {np.mean(rates):.1f} mm per mm of radius; cable mass "
         "and nonlinear elasticity have little effect",
@@ -324,7 +324,7 @@ def draw_real_cables(study: RealCables) -> Figure:
         f"otherwise. {len(study.effects[0].shifts)} random commanded poses per robot; homed at the middle."
         f"{_left_out(study.effects)}",
     )
-    columns = figure.add_gridspec(1, 2, width_ratios=(1, 1.18))
+    columns = figure.add_gridspec(1, 2, width_ratios=(1, 1.1))
     left, right = columns[0].subgridspec(2, 1, height_ratios=(1.55, 1)), columns[1].subgridspec(2, 1)
     _pulleys(figure.add_subplot(left[0]), study.over_pulleys)
     _ropes_with_mass(figure.add_subplot(left[1]), study.with_mass)
@@ -344,10 +344,10 @@ def _pulleys(ax: Axes, equilibria: EquilibriumBatch) -> None:
     off = 1e3 * np.linalg.norm(position - commanded)
     radius = 1e3 * robot.cabling.pulley_radius.max()
     ax.set_ylim(-0.02, 0.56)
-    ax.set_title(f"DemoBot with {radius:.0f} mm pulleys unknown to its winches: error of {off:.0f} mm")
+    ax.set_title(f"DemoBot with {radius:.0f} mm pulleys\nunknown to its winches: error of {off:.0f} mm")
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     handles[0] = key("commanded, with point exits", color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH)
-    legend_below(ax, [*handles, Patch(**style.WHEEL, label="pulley")], 0.16, columns=3)
+    legend_below(ax, [*handles, Patch(**style.WHEEL, label="pulley")], 0.2)
     # One exit, closer.
     cable = int(np.argmin(robot.exits @ [1.0, 1.0, 0.0]))
     near, anchor = ax.inset_axes((0.6, 0.05, 0.37, 0.42)), position + rotation @ robot.anchors[cable]
@@ -366,7 +366,7 @@ def _pulleys(ax: Axes, equilibria: EquilibriumBatch) -> None:
     near.set(aspect="equal", xticks=[], yticks=[])
     near.set_xlim(-1.2 * wheel.radius, 3.4 * wheel.radius)
     near.set_ylim(-2.6 * wheel.radius, 1.4 * wheel.radius)
-    near.set_title("one pulley, seen from its side", fontsize=8, loc="center")
+    near.set_title("one pulley from its side", fontsize=8, loc="center", bbox={"fc": "white", "ec": "none", "pad": 1})
     near.spines[:].set(visible=True, color=style.FAINT)
 
 
@@ -404,7 +404,7 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
         radii = 1e3 * one.radii
         low, middle, high = 1e3 * np.quantile(one.shifts, [0.05, 0.5, 0.95], axis=1)
         arriving = "from below" if from_below else "from above"
-        layout = one.title.removeprefix("DemoBot, ")  # which is in the panel's title
+        layout = one.title.removeprefix("DemoBot, ").split(" (")[0]  # the rest is in other panels
         label = f"{layout}, {arriving}: {one.rate:.2f} mm per mm"
         dashes = style.DASHES[0 if from_below else 1]
         ax.fill_between(radii, low, high, color=color, alpha=0.10 if from_below else 0.05, lw=0)
@@ -414,9 +414,9 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
         ax.plot(1e3 * one.settled_radii, settled, **points(color, marker), gid=f"mujoco {one.title} {arriving}")
     crane = next((one for one in growths if one.title.startswith("crane")), None)
     if crane is not None:
-        ax.plot([], [], ls="none", label=f"not drawn: crane, from below: {crane.rate:.2f} mm per mm")
+        ax.plot([], [], ls="none", label=f"crane (not drawn), from below: {crane.rate:.2f}")
     ax.set(xlabel="radius of the pulleys [mm]", ylabel="position error [mm]")
-    ax.set_ylim(0, 1.25 * ax.get_ylim()[1])
+    ax.set_ylim(0, 1.4 * ax.get_ylim()[1])
     ax.set_xlim(0, 1e3 * growths[0].radii[-1])
     ax.set_title("DemoBot, with rest lengths for point exits")
     handles, labels = ax.get_legend_handles_labels()
@@ -437,7 +437,7 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
         )
         marker = points(COLORS[robot], style.MARKERS[robot], ms=5.5)
         ax.plot(middle, height, **marker, gid=f"median {effect.robot} {effect.what}")
-    ax.set(xscale="log", xlabel="displacement of the platform: median, and up to 95 % of poses [mm]")
+    ax.set(xscale="log", xlabel="displacement of the platform:\nmedian, and up to 95 % of the poses [mm]")
     ax.set_yticks(range(len(names)), [ROWS[name] for name in names])
     ax.grid(axis="x")
     ax.set_title("Effect of each property separately, in MuJoCo")

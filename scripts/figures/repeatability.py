@@ -1,21 +1,25 @@
 """Repeatability: distance between equilibria at one commanded pose, reached from the left and from the right.
 
-    python scripts/figures/repeatability.py pictures/repeatability.png
+Run: python scripts/figures/repeatability.py. It prints a table and draws pictures/repeatability.png.
 
 Each robot goes along x through the middle of its workspace and back, and stops at 21 poses on both ways. Winches hold
 rest lengths, so that friction at the exits acts through the rope behind them, whose lengths are assumed here. Friction
 and hysteresis are assumed too, in the range of measured ropes (``docs/concepts/memory.md``).
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing.axes import styled
-from cdpr_sim.drawing.style import BLUE, FAINT, INK, MUTED, VERMILLION
+from cdpr_sim.core.files import write_whole
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, encoded, key, legend_above, styled
+from cdpr_sim.drawing.readable_numbers import plain
+from lines import PAPER_DEVIATION
+
+OUTPUT = Path(__file__).parents[2] / "pictures" / "repeatability.png"
 
 BEHIND = {
     "cogiro": 0.5, "parallel": 0.5, "planar-vertical": 0.5, "planar-horizontal": 0.5, "two-cable": 0.5,
@@ -65,34 +69,38 @@ def measured() -> dict[str, tuple[float, list[float], list[float]]]:
 @styled
 def draw(found: dict[str, tuple[float, list[float], list[float]]]) -> Figure:
     """One row for each robot, on a logarithmic scale."""
-    figure = Figure(figsize=(7.2, 3.9))
-    axes = figure.subplots()
+    highest = max(max(friction + hysteresis) for _, friction, hysteresis in found.values())
+    figure = canvas(
+        style.WIDTH,
+        5.4,
+        f"One command, reached from the left and from the right: at most {plain(highest)} mm apart",
+        f"Largest distance between the two equilibria, over {STOPS} commanded poses along x through the middle of the "
+        "workspace; static solver. Winches hold rest lengths. Friction at the exits, hysteresis of the ropes, and the "
+        "rope between winch and exit (in parentheses) are assumed.",
+    )
+    handles = [
+        key("friction of 2 to 5 %", color=style.BLUE, lw=6),
+        key("hysteresis of 5 to 10 %", color=style.VERMILLION, lw=6),
+        key("for scale: elastic deviation from the command", ls="none", marker="o", mfc="white", color=style.INK, ms=6),
+    ]
+    axes = figure.add_subplot(legend_above(figure, handles, 3))
     for row, (away, friction, hysteresis) in enumerate(found.values()):
-        axes.plot(away, row, "o", mfc="white", mec=INK, ms=6, zorder=4)
-        for shift, color, ends in ((-0.14, BLUE, friction), (0.14, VERMILLION, hysteresis)):
-            axes.plot(ends, [row + shift] * 2, color=color, lw=6, solid_capstyle="round")
-    axes.axvline(15, color=MUTED, lw=1, ls=(0, (4, 2)))
-    axes.text(14, -0.72, "the paper's 15 mm", color=MUTED, ha="right", va="center")
+        axes.plot(away, row, "o", mfc="white", mec=style.INK, ms=6, zorder=4)
+        for shift, color, ends in ((-0.14, style.BLUE, friction), (0.14, style.VERMILLION, hysteresis)):
+            axes.plot(ends, [row + shift] * 2, color=color, lw=6, solid_capstyle="butt")
+    axes.axvline(1e3 * PAPER_DEVIATION, color=style.MUTED, lw=style.THIN, ls=style.DASHES[1])
+    axes.text(14, -0.72, "the paper's 15 mm", color=style.MUTED, ha="right", va="center")
     axes.set_xscale("log")
     axes.set_xlim(1e-3, 100)
     axes.set_xticks([1e-3, 1e-2, 0.1, 1, 10, 100], ["1 µm", "10 µm", "0.1 mm", "1 mm", "10 mm", "100 mm"])
     axes.set_ylim(len(found) - 0.4, -1.05)
-    labels = [f"{name}  ({BEHIND[name]:g} m behind the exits)" for name in found]
-    axes.set_yticks(range(len(found)), labels)
+    axes.set_yticks(range(len(found)), [f"{name} ({BEHIND[name]:g} m)" for name in found])
+    axes.set_xlabel("distance between the two equilibria")
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="x", color=FAINT, lw=0.6)
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
-    figure.suptitle(
-        "One command, reached from the left and from the right: largest distance of the two equilibria",
-        x=0.01, ha="left", fontsize=9.5,
-    )  # fmt: skip
-    axes.plot([], [], color=BLUE, lw=6, label="by friction of 2 to 5 %")
-    axes.plot([], [], color=VERMILLION, lw=6, label="by hysteresis of 5 to 10 %")
-    axes.plot([], [], "o", mfc="white", mec=INK, ms=6, label="for scale: elastic deviation from the command")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, handlelength=1.4, columnspacing=1.6)
+    axes.grid(axis="x")
+    axes.spines["left"].set_visible(False)
     return figure
 
 
 if __name__ == "__main__":
-    draw(measured()).savefig(Path(sys.argv[1]), dpi=160)
+    write_whole({OUTPUT: encoded(draw(measured()))})

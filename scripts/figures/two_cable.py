@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import ArrayLike
 
@@ -18,7 +19,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
+from cdpr_sim.drawing.axes import canvas, key, legend_above, legend_below, points, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
@@ -110,14 +111,21 @@ def draw_manifold(study: Manifold) -> Figure:
     stiffness = np.array([equilibria.robot.axial_stiffness[0] for equilibria in study.static])
     softest, stiffest = stiffness.min(), stiffness.max()
     figure = canvas(
-        11,
-        5.2,
+        style.WIDTH,
+        5.4,
         "The equilibria of a bar on two cables form a surface of poses; with softer cables it drifts along the surface",
         f"{robot.name}, {robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
         f"EA from {newtons(stiffest)} down to {newtons(softest)}. Hollow points: MuJoCo, settled. Black dots: "
         "commanded level poses, which are on the surface only midway between the exits. (Paper, Fig. 3)",
     )
-    grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1), wspace=0.08)
+    colors = matplotlib.colormaps[style.STIFFNESS_MAP]
+    handles = [
+        key("commanded, level", ls="none", marker="o", color=style.INK),
+        key(f"to the equilibrium with EA = {newtons(stiffest)}", ls=":", lw=0.9, color=style.INK),
+        key("static solver, EA decreasing", color=colors(0.6), lw=2.6),
+        key("MuJoCo, settled", **points(style.INK, ms=4.5)),
+    ]
+    grid = legend_above(figure, handles, 4).subgridspec(1, 2, width_ratios=(1.1, 1), wspace=0.15)
     space: Axes3D = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)  # type: ignore[assignment]
     (left, _, bottom), (right, _, top) = robot.workspace
     x, z = np.meshgrid(np.linspace(left, right, SURFACE[0]), np.linspace(bottom, top, SURFACE[1]))
@@ -132,15 +140,15 @@ def draw_manifold(study: Manifold) -> Figure:
         axis.set_pane_color("white")
     space.set(xlabel="x [m]", ylabel="z [m]", zlabel="rotation about y [°]")
     space.view_init(elev=22, azim=-58)
-    space.set_box_aspect((1.25, 1, 0.9), zoom=1.15)
+    space.set_box_aspect((1.25, 1, 0.9), zoom=1.0)
 
     front = figure.add_subplot(grid[1])
     contours = front.contour(x, z, beta, levels=np.arange(-60, 61, 10), colors=style.FAINT, linewidths=style.THIN)
-    front.clabel(contours, fmt="%d°", fontsize=8, colors=style.MUTED)
-    front.set(xlabel="x [m]", ylabel="z [m]", title="front view: contours of the rotation about y [°]")
+    for text in front.clabel(contours, range(-60, 61, 20), fmt="%d°", fontsize=8, colors=style.MUTED, inline=False):
+        text.set_path_effects([withStroke(linewidth=3, foreground="white")])
+    front.set(xlabel="x [m]", ylabel="z [m]", title="front view: contours of the rotation about y")
 
     norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, to which the drift is proportional
-    colors = matplotlib.colormaps[style.STIFFNESS_MAP]
     drift = np.array([equilibria.positions for equilibria in study.static])
     turn = np.degrees([equilibria.euler[:, 1] for equilibria in study.static])
     for command, (start_x, _, start_z) in enumerate(commanded):
@@ -166,13 +174,6 @@ def draw_manifold(study: Manifold) -> Figure:
     marks = [EA for EA in (15, 20, 30, 50, 100, 1000) if softest <= EA <= stiffest]
     bar.set_ticks([-1 / EA for EA in marks], labels=[f"{EA:g}" for EA in marks])
     bar.set_label("axial stiffness EA [N]")
-    handles = [
-        key("commanded, level", ls="none", marker="o", color=style.INK),
-        key(f"to the equilibrium with EA = {newtons(stiffest)}", ls=":", lw=0.9, color=style.INK),
-        key("static solver, EA decreasing", color=colors(0.6), lw=2.6),
-        key("MuJoCo, settled", **points(style.INK, ms=4.5)),
-    ]
-    legend_below(front, handles, 0.14)
     return figure
 
 

@@ -172,9 +172,9 @@ class Page:
         )
 
     def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, slack) -> None:
-        """Tilt, deviation in x, y and in -z, and the number of slack cables."""
+        """Tilt, deviation in x, y and downwards, and the number of slack cables."""
         horizontal, down = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
-        rows = [("tilt", np.degrees(tilt), " °"), ("dev. xy", horizontal, " mm"), ("dev. -z", down, " mm")]
+        rows = [("tilt", np.degrees(tilt), " °"), ("dev. xy", horizontal, " mm"), ("down", down, " mm")]
         texts = [
             (
                 name,

@@ -21,6 +21,7 @@ from cdpr_sim.core.describe import describe_properties, describe_stiffness
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.drawing.readable_numbers import plain
 from cdpr_sim.drawing.video.frame_layout import Page, nice_above
 from cdpr_sim.drawing.video.render import Backend, Picture, Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
@@ -328,9 +329,9 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     rate = float(np.mean(durations)) / seconds
     speed = "in real time"
     if rate > 1.05:
-        speed = f"{rate:.3g} times faster"
+        speed = f"{plain(rate)} times faster"
     elif rate < 0.95:
-        speed = f"{1 / rate:.3g} times slower"
+        speed = f"{plain(1 / rate)} times slower"
     still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
     motion = "The platform is released at the commanded pose" if still else "The winches follow the dark line"
     if all(trajectory.converged.all() for trajectory in trajectories):
