@@ -115,8 +115,8 @@ def test_what_moves_ever_faster_does_not_rest_on_friction(half, speed, rests, mo
 def test_what_slides_is_not_said_to_move_away_before_it_has():
     """On a slope of 0.6 with a coefficient of 0.5, after a few time steps; in the end nothing holds it."""
     model = mujoco.MjModel.from_xml_string(SLOPE.format(cone="elliptic", x=0.6 * G, y=0))
-    with pytest.raises(cdpr.NotSettled, match="^slides: friction at its limit does not hold it: joint joint of box$"):
+    with pytest.raises(cdpr.NotSettled, match=r"^slides: friction at its limit does not hold it: joint joint of box$"):
         cdpr.settle_model(model, most_steps=40)
     steep = mujoco.MjModel.from_xml_string(SLOPE.format(cone="elliptic", x=10 * G, y=0))
-    with pytest.raises(cdpr.NotSettled, match="^falls for ever: nothing holds body box; ignore='box' leaves it out$"):
+    with pytest.raises(cdpr.NotSettled, match=r"^falls for ever: nothing holds body box; ignore='box' leaves it out$"):
         cdpr.settle_model(steep)
