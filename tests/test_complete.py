@@ -302,6 +302,10 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
             assert middles(complete._in_chart(member, chart)) == pytest.approx(here, abs=1e-12)
             assert complete._in_balls(member, chart, np.stack([here - 1e-9, here + 1e-9], 1))
             assert not complete._in_balls(member, chart, np.stack([here + 1e-4, here + 2e-4], 1))
+            there = np.array([exact(v) for v in robot.home])
+            for off, inside in ((0.9e-6, True), (1.1e-6, False)):  # of a multiple of the unit quaternion
+                q = 3 * (balance.quaternion + sum(tangent * exact(off) for tangent in balance.tangents))
+                assert complete._unique_at(member, there, q) is inside
             boxed = dataclasses.replace(member, box=np.stack([here - 1e-3, here + 1e-3, here], 1))
             assert complete._same(boxed, member) is complete._same(member, boxed) is True  # whichever has the box
 
@@ -415,6 +419,16 @@ def test_intervals_are_rounded_outwards_and_no_further_than_a_few_units():
                 assert exact(unit[1]) >= end
             assert any(exact(unit[0]) >= end - 1e-15 for end in ends)
             assert any(exact(unit[1]) <= end + 1e-15 for end in ends)
+
+
+def test_products_of_vectors_are_enclosed_wherever_their_rows_are():
+    """Against numbers, which are off by a few units: each component, of three rows from any row on."""
+    random = np.random.default_rng(6)
+    a, b = random.normal(size=(2, 9))
+    for r in range(3):
+        low, high = interval_kernel.cross(np.stack([a, a], 1), 5, np.stack([b, b], 1), 2, r)
+        assert low <= high
+        assert [low, high] == pytest.approx([np.cross(a[5:8], b[2:5])[r]] * 2, abs=1e-14)
 
 
 def test_the_matrix_of_krawczyks_test_is_bounded():

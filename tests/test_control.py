@@ -65,6 +65,24 @@ def deviations(robot: cdpr.Robot, line: list, controller: cdpr.Controller, **wor
     return np.linalg.norm(cdpr.track(robot, line, controller, **words).deviation, axis=1)
 
 
+def test_the_progress_of_a_motion_is_told_from_its_beginning_to_its_end():
+    """As fractions that grow evenly, of a track and of a drive."""
+    for motion in (
+        lambda tell: cdpr.track(ROBOT, QUICK, RigidLengths(ROBOT), seconds=0.2, rate=50, progress=tell),
+        lambda tell: cdpr.drive(ROBOT, QUICK, seconds=0.2, states=11, progress=tell),
+    ):
+        told: list[float] = []
+        motion(told.append)
+        assert told == pytest.approx(np.linspace(0, 1, 11))
+
+
+def test_held_tensions_start_at_the_first_pose_however_fast_the_motion_is():
+    """On the lengths that hold it there."""
+    line = cdpr.Reference(reference(*QUICK).path, seconds=2e-3)
+    there = cdpr.compensate(STIFF, POSE).rest_lengths
+    np.testing.assert_allclose(HeldTensions(STIFF).start(line), there, rtol=0, atol=1e-12)
+
+
 # Lengths.
 
 

@@ -166,6 +166,8 @@ def test_models_are_written_as_asked(tmp_path):
     words = "models ipanema-1 --pretension 200 --mass 20 --damping 0.02 --winches --contact"
     assert run(*words.split(), "-o", str(tmp_path)).exit_code == 0
     folder, robot = tmp_path / "ipanema-1", cdpr.load_robot("ipanema-1").replace(mass=20)
+    for file in ("scene.xml", "winch_scene.xml"):  # whose floor touches, too
+        assert mujoco.MjModel.from_xml_path(str(folder / file)).geom("floor").contype == 1
     for file in ("robot.xml", "winch.xml", "winch_speed.xml"):
         model = mujoco.MjModel.from_xml_path(str(folder / file))
         data = mujoco.MjData(model)
