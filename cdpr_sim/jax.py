@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.analysis.sensitivity import sensitivity
 from cdpr_sim.core import extras
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Stability
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -77,7 +78,7 @@ def solve(
     All arrays broadcast over the dimensions before their own; ``vmap`` adds such dimensions. Each parameter defaults to
     that of ``robot``. A row for which ``solve`` finds no equilibrium is nan.
 
-    The derivatives are exact for the present set of taut cables. Where a cable without mass is on the verge of
+    The derivatives are those for the present set of taut cables. Where a cable without mass is on the verge of
     slackness, the pose and the tensions are continuous, and their derivatives are not: the result is the derivative on
     one side, that of the slack cable where its length equals its rest length. They are nan in neutrally stable
     equilibria.
@@ -144,12 +145,8 @@ def solve(
 
 def _shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
     """Shape of each parameter of one equilibrium."""
-    m = robot.cables
-    every = {
-        "rest_lengths": (m,), "external_wrench": (6,), "axial_stiffness": (m,), "mass": (), "exits": (m, 3),
-        "anchors": (m, 3), "center_of_mass": (3,), "pulley_radius": (m,), "winch_to_exit": (m,),
-        "linear_density": (m,), "stiffening": (m, 2),
-    }  # fmt: skip
+    every = {"rest_lengths": (robot.cables,), "external_wrench": (6,), "mass": (), "center_of_mass": (3,)}
+    every |= {name: (robot.cables, *one.shape) for name, one in PROPERTIES.items()}
     return {name: every[name] for name in derivatives.parameters(robot)}
 
 

@@ -13,8 +13,9 @@ import typechecker
 import typer.testing
 
 DOORS = {
-    "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
-    "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable_closed_form",
+    "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.property",
+    "core.robot", "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve",
+    "statics.two_cable_closed_form",
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
     "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layout_equilibria", "design.moves",
     "design.search",
@@ -33,7 +34,7 @@ BEYOND_BEARTYPE = {
 """Where it does not follow."""
 
 COMPILED = {
-    "core.cable_path", "core.cable_law", "core.compiling", "core.lanes", "drawing.video.raycast", "statics.any_cable",
+    "core.cable_path", "core.cable_law", "core.compiling", "drawing.video.raycast", "statics.any_cable",
     "statics.catenary",
 }  # fmt: skip
 """Whose functions Numba compiles, beside the kernels."""
@@ -44,7 +45,7 @@ AT_EVERY_STEP = {"core.pose_path", "physics.tendons", "statics.forces", "statics
 
 FLOOR = {
     "numpy, scipy, jaxtyping": ("test_pose.py", "test_equilibrium_batch.py"),
-    "mujoco": ("test_settle.py",),
+    "mujoco-core": ("test_settle.py",),
     "numba": (
         "test_compiling.py",
         "test_many.py::test_threads_change_no_result",
@@ -65,7 +66,7 @@ FLOOR = {
         "test_shown_figures.py::test_each_line_is_what_its_name_says",
         "test_shown_figures.py::test_maps_fill_their_panels",
         "test_shown_figures.py::test_any_plane_can_be_drawn",
-        "test_gallery.py",
+        "test_paper_figures.py",
     ),
     "xarray, dask, distributed, zarr, h5netcdf, filelock": ("test_store.py", "test_sweep.py"),
     "mediapy, imageio-ffmpeg": (
@@ -76,7 +77,7 @@ FLOOR = {
     "gymnasium": ("test_learning.py",),
     "pymoo": ("test_design.py::test_a_front_trades_displacement_against_tilt",),
     "python-flint": ("test_problem_set.py",),
-    "selenium": ("test_html_page.py",),
+    "jinja2, selenium": ("test_html_page.py",),
 }
 """Files, or functions of them, whose tests are marked ``floor``: those that use the most of each dependency."""
 

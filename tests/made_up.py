@@ -7,6 +7,7 @@ import dataclasses
 import math
 from unittest.mock import Mock
 
+import mujoco
 import numpy as np
 import xarray as xr
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -19,6 +20,7 @@ from cdpr_sim.analysis.identification import Identification, Outlier
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.analysis.workspace.hull import Hull
+from cdpr_sim.core.equilibrium import Stability
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, EquilibriumPath
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot_batch import RobotBatch
@@ -312,3 +314,48 @@ def summary(**changes) -> RobotSummary:
         check=checked(), plane=None, modes=modes(), motion=None, missing=("No maps: of [course].",),
     )  # fmt: skip
     return RobotSummary(**(values | changes))
+
+
+MODEL = mujoco.MjModel.from_xml_string("""<mujoco><option timestep="0.004"/><worldbody>
+  <body><freejoint name="[box]"/><geom size=".1"/></body><body><joint name="ball" type="ball"/><geom size=".1"/></body>
+  <body><joint name="lift" type="slide"/><geom size=".1"/></body><body><joint/><geom size=".1"/></body>
+</worldbody></mujoco>""")
+"""A joint of each kind, the last without a name."""
+
+
+def tendons() -> cdpr.TendonTensions:
+    """One pulls, one is slack, one pushes; no friction anywhere."""
+    parts = [[8.0, 0, -7], [1.5, 0, -1], [0.25, 0, -0.5], [0.0, 0, 0], [0.125, 0, -0.25], [2.0, 0, -3]]
+    own = np.sum(parts, axis=0)
+    arrays = (np.array([True, True, False]), np.array([1.1, 1.2, 1.3]), own, *map(np.array, parts), own == 0)
+    return cdpr.TendonTensions(("rope", "[loose]", "2"), *arrays)
+
+
+def model_rest(**changes) -> cdpr.ModelEquilibrium:
+    """Of ``MODEL``, with friction; the ways disagree."""
+    turned = [np.cos(0.1), 0.0, np.sin(0.1), 0.0]
+    values = dict(
+        qpos=np.array([0.1, 0.2, 0.3, *turned, *turned, 0.05, 0.3]), act=np.array([0.6]), ctrl=np.array([0.7, 0.8]),
+        tendon_tensions=tendons(), residual=1.2e-9, unbalanced=np.zeros(11), friction=np.zeros(11), creep=0.0034,
+        contact_forces=(
+            cdpr.ContactForce(("world", "[box]"), np.array([1.0, 2.0, 3.0]), 11.0, 4.0, 0.75),
+            cdpr.ContactForce(("[box]", "lift"), np.array([4.0, 5.0, 6.0]), 12.0, 3e-5, 1 + 1e-12),
+        ),
+        friction_share=0.75, stiffness_eigenvalues=np.array([-0.1, 0.0, 2.0]), growth=-0.3, neutral=("[box]", "ball"),
+        stability=Stability.NEUTRAL, iterations={"steps": 21, "newton": 4}, way="motion",
+        agreement=cdpr.ModelAgreement(False, "start", 0.01, 0.02, 0.03, ("[bodies] differ", "so do tensions")),
+        notes=("a [note]",),
+    )  # fmt: skip
+    return cdpr.ModelEquilibrium(**(values | changes))
+
+
+def diagnosis(**changes) -> cdpr.ModelDiagnosis:
+    findings = [
+        cdpr.ModelFinding(kind, f"tendon '[{name}]'", f"problem of {name}", f"remedy of {name}")
+        for kind, name in ((cdpr.FindingKind.SPRING_PUSHES, "one"), (cdpr.FindingKind.TIME_STEP, "two"))
+    ]
+    values = dict(
+        findings=tuple(findings), equilibrium=None, fastest_period=0.0123, notes=("not [judged]",),
+        stable_time_steps={"Euler": 0.0021, "implicitfast": np.inf, "RK4": 0.0043},
+    )  # fmt: skip
+    return cdpr.ModelDiagnosis(**(values | changes))

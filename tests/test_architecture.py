@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -16,6 +16,8 @@ import pytest
 import typechecker
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.property import REQUIRED
 from cdpr_sim.physics import dynamic_relaxation
 
 PACKAGE = Path(cdpr.__file__).parent
@@ -54,6 +56,22 @@ BEYOND = {
 }
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo and
 the proof say by their own means."""
+
+CABLE_ROOMS = {
+    "statics.any_cable", "statics.cable_kernel", "statics.derivatives", "statics.memory_kernel", "statics.memory_law",
+    "physics.chains", "physics.pulleys", "physics.rope_memory", "physics.tendons", "proof.cables",
+}  # fmt: skip
+"""What a cable does, in the terms of each method."""
+
+CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as_json", "report.model_tables"}
+"""They name the creep of MuJoCo's constraints."""
+
+NAME_A_PROPERTY = {
+    "analysis.workspace.sweep", "jax", "physics.batch", "physics.release", "physics.rope_motion",
+    "physics.sagging.chain_motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
+    "physics.winches",
+}  # fmt: skip
+"""Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 
 HEAVY = {
     "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
@@ -142,6 +160,22 @@ def test_every_module_lives_in_a_folder_of_the_flow():
         assert ast.get_docstring(ast.parse(init.read_text(encoding="utf-8"))), init
 
 
+def test_contributing_has_the_rooms_and_their_flow():
+    """One table of at most fourteen folders, in the order of the flow; in the picture data goes to the right."""
+    page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = [room for room in FOLDERS if (PACKAGE / room).is_dir()]
+    assert re.findall(r"^\| `([a-z]+)/` \|", page, re.MULTILINE) == rooms
+    assert len(rooms) <= 14
+    picture = page.partition("```text\n")[2].partition("```")[0]
+    places = {
+        one[0]: one.start() for line in picture.splitlines() for one in re.finditer(r"[a-z]+", line.replace(".py", ""))
+    }
+    assert places.keys() == set(FOLDERS)
+    for module, used in graph().items():
+        beyond = {folder(one) for one in used} - {folder(module)}
+        assert all(places[one] < places[folder(module)] for one in beyond), module
+
+
 def test_imports_run_one_way():
     """Between folders in their order; and no circle anywhere, imports for types included."""
     for module, used in graph().items():
@@ -180,10 +214,16 @@ def test_walls_stand():
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
-            compiles = (
-                module == "robots.importers.mujoco_model"
-            )  # a model is read as MuJoCo reads it; nothing is computed
+            # A model is read as MuJoCo reads it; nothing is computed.
+            compiles = module == "robots.importers.mujoco_model"
             assert ("mujoco" in libraries(names)) == compiles, module
+
+
+def test_the_compiler_is_used_by_its_documented_functions_alone():
+    """Internals of Numba and LLVM change from version to version."""
+    for module, names in (anywhere() | in_scripts()).items():
+        assert not any(f"{name}.".startswith(("numba.core.", "llvmlite.")) for name in names), module
+        assert "numba.core" not in ast.unparse((trees() | scripts())[module]), module
 
 
 def test_nothing_touches_matplotlibs_global_state():
@@ -232,3 +272,27 @@ def test_every_public_name_resolves():
         assert getattr(cdpr, name) is not None
     for name in ("solve", "settle", "compare", "check", "to_mjcf", "load_robot", "sweep", "sensitivity", "release"):
         assert callable(getattr(cdpr, name)), name
+
+
+def test_few_modules_name_a_property_of_cables():
+    """A property is known where it is declared, in robot files, and in the room of each method; others ask for cables.
+
+    So a new property touches few files. Points, EA and force limits do not count: they are quantities of every robot.
+    """
+    counted = {name for name, one in PROPERTIES.items() if one.image and one.default is not REQUIRED}
+    naming = {
+        module
+        for module, tree in trees().items()
+        if folder(module) not in ("core", "robots") and module not in CABLE_ROOMS | CREEP_OF_MODELS
+        if counted & set(words(tree))
+    }
+    assert naming == NAME_A_PROPERTY
+
+
+def words(tree: ast.Module) -> Iterator[str]:
+    """Names, attributes, arguments and texts of a module."""
+    for node in ast.walk(tree):
+        for field in ("id", "attr", "arg", "value"):
+            word = getattr(node, field, None)
+            if isinstance(word, str):
+                yield word

@@ -1,7 +1,6 @@
 """Compiled code gives the answers of interpreted code, is built once, and its cache never stands in the way."""
 
 import ast
-import errno
 import importlib.util
 import os
 import pickle
@@ -9,7 +8,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -17,10 +15,10 @@ from types import ModuleType, SimpleNamespace
 import numba
 import numpy as np
 import pytest
-from numba.core import config
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import code_cache, compiling
+from cdpr_sim.core import compiling
+from cdpr_sim.statics.newton import stiffness_of
 
 PACKAGE = Path(cdpr.__file__).parent
 
@@ -49,25 +47,56 @@ def finished(process: subprocess.Popen) -> tuple[list[str], str]:
     return printed.split(), said
 
 
+ROPE = dict(
+    hysteresis=[(0.2, 2e-4, 0.05)], creep=[(1e5, 60.0)], pulley_friction=0.03, winch_to_exit=2.0
+)  # fmt: skip
+"""A memory of each kind."""
+
+KINDS = {
+    "plain": {},
+    "pulleys": {"pulley_radius": 0.1},
+    "nonlinear": {"stiffening": (20.0, 500.0)},
+    "memory": ROPE,
+    "mass": {"linear_density": 0.05},
+    "all": {"pulley_radius": 0.1, "stiffening": (20.0, 500.0), "linear_density": 0.05} | ROPE,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_interpreted_and_compiled_answers_are_the_same_to_the_last_bit(catalogue, monkeypatch, kind):
+    """Equilibria, stiffness and frequencies, and the balance of forces."""
+    robot = catalogue["parallel"].replace(**KINDS[kind])
+    poses = np.random.default_rng(0).uniform(0.3, 0.5, (8, 3))
+    many = np.tile(poses, (compiling.FEW // len(poses) + 1, 1))
+
+    def answers(poses: np.ndarray) -> list[np.ndarray]:
+        found = cdpr.solve_many(robot, poses)
+        each = [found.positions, found.rotations, found.tensions, found.lengths, found.residuals, found.iterations]
+        return [*each, *stiffness_of(found), cdpr.tension_shortfall(robot, poses, tension_limits=(1.0, 500.0))]
+
+    compiled = answers(many)
+    monkeypatch.setattr(compiling, "INTERPRETED", True)
+    for one, other in zip(compiled, answers(poses), strict=True):
+        np.testing.assert_array_equal(one.reshape(-1, *other.shape), np.broadcast_to(other, (13, *other.shape)))
+
+
+def test_few_answers_need_no_numba_and_many_are_the_same(catalogue, tmp_path):
+    """Also over pulleys, and in a process of its own."""
+    names, poses = ["parallel", "planar-vertical", "irma4u"], np.random.default_rng(0).uniform(0.3, 0.5, (20, 3))
+    poses[:, 1] = 0
+    np.save(tmp_path / "poses.npy", poses)
+    finished(start(tmp_path, INTERPRETED, words=names))
+    for name in names:
+        many = cdpr.solve_many(catalogue[name], np.tile(poses, (compiling.FEW // 20 + 1, 1))).positions
+        np.testing.assert_array_equal(many, np.tile(np.load(tmp_path / f"{name}.npy"), (len(many) // 20, 1)))
+
+
 INTERPRETED = """
 import sys, numpy as np, cdpr_sim as cdpr
 for name in sys.argv[1:]:
     np.save(f"{name}.npy", cdpr.solve_many(cdpr.load_robot(name), np.load("poses.npy")).positions)
 assert "numba" not in sys.modules
 """
-
-
-def test_few_answers_are_interpreted_and_many_compiled_and_they_are_the_same(catalogue, tmp_path):
-    """To the last bit; over pulleys to rounding, since NumPy has an arctan2 of its own; for very many to 1e-9 m."""
-    names, poses = ["parallel", "planar-vertical", "irma4u"], np.random.default_rng(0).uniform(0.3, 0.5, (20, 3))
-    poses[:, 1] = 0
-    np.save(tmp_path / "poses.npy", poses)
-    finished(start(tmp_path, INTERPRETED, words=names))
-    for name in names:
-        interpreted, tolerance = np.load(tmp_path / f"{name}.npy"), 1e-12 if name == "irma4u" else 0.0
-        for times, within in ((compiling.FEW // 20 + 1, tolerance), (compiling.LANES_FROM // 20, 1e-9)):
-            many = cdpr.solve_many(catalogue[name], np.tile(poses, (times, 1))).positions
-            np.testing.assert_allclose(many, np.tile(interpreted, (times, 1)), rtol=0, atol=within)
 
 
 # --- once ---------------------------------------------------------------------------------------------------------
@@ -77,22 +106,21 @@ import sys
 import numpy as np
 from cdpr_sim.core import compiling
 
-def times(factor):
-    def scaled(value, result):
-        result[0] = factor * value
-    return scaled
+def doubled(value, scratch, result):
+    for i in range(value.shape[0]):
+        for j in range(value.shape[1]):
+            result[i, j] = 2.0 * value[i, j]
 
-kernel, many = compiling.Kernel("double", times(2.0), "()->()"), np.arange(1000.0)
+def tripled(value, scratch, result):
+    for i in range(value.shape[0]):
+        for j in range(value.shape[1]):
+            result[i, j] = 3.0 * value[i, j]
+
+kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(1000.0)
+other = compiling.Kernel("triple", tripled, "()->()")
 """
 
-SEVERAL = (
-    DOUBLED
-    + """
-kernels = {"two": compiling.Kernel("twofold", times(2.0), "()->()"),
-           "three": compiling.Kernel("threefold", times(3.0), "()->()")}
-print(kernel(many).sum(), *(kernels[name].compiled(1.0) for name in sys.argv[1:]))
-"""
-)
+SEVERAL = DOUBLED + "print(kernel(many).sum(), *(other(many).sum() for _ in sys.argv[1:]))"
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -102,26 +130,28 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_processes_that_come_at_once_all_compile_and_the_next_loads(tmp_path):
     """Nobody waits, it is said, and what they leave is loaded by the next one in silence, and not changed by it."""
-    at_once = [start(tmp_path, SEVERAL, words=[name]) for name in ("two", "three")]
-    for process, answer in zip(at_once, ("2.0", "3.0"), strict=True):
+    for process in [start(tmp_path, SEVERAL, words=["other"]) for _ in range(3)]:
         printed, said = finished(process)
-        assert printed == ["999000.0", answer]
-        assert "cdpr_sim compiles its double: up to a minute, once on this machine" in said
+        assert printed == ["999000.0", "1498500.0"]
+        for what in ("double", "triple"):
+            assert f"cdpr_sim compiles its {what}: up to a minute, once on this machine" in said
     before = contents(tmp_path / "cache")
-    assert len(before) == 12  # of each kernel an index and code, of the function and of its loop
-    assert finished(start(tmp_path, SEVERAL, words=["two", "three"])) == (["999000.0", "2.0", "3.0"], "")
+    assert len(before) == 4  # of each kernel an index and code
+    assert finished(start(tmp_path, SEVERAL, words=["other"])) == (["999000.0", "1498500.0"], "")
     assert contents(tmp_path / "cache") == before
 
 
 @pytest.fixture
 def empty_cache(monkeypatch, tmp_path) -> Path:
     """A folder without machine code."""
-    monkeypatch.setattr(code_cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(compiling, "place", lambda: tmp_path)
     return tmp_path
 
 
-def doubled(value, result):
-    result[0] = 2.0 * value
+def doubled(value, scratch, result):
+    for i in range(value.shape[0]):
+        for j in range(value.shape[1]):
+            result[i, j] = 2.0 * value[i, j]
 
 
 def several_doubled() -> np.ndarray:
@@ -130,10 +160,10 @@ def several_doubled() -> np.ndarray:
 
 
 @pytest.mark.parametrize("wrong", ["empty", "truncated", "of another Numba", "of other sources", "lost", "no code"])
-def test_a_cache_that_cannot_be_used_is_left_as_it_is(empty_cache, caplog, wrong):
-    """What is compiled instead is kept beside it, and found there from then on."""
+def test_a_cache_that_cannot_be_used_is_built_anew(empty_cache, caplog, wrong):
+    """It is cleared if Numba cannot read it, and that is said; the next one loads what is kept then."""
     several_doubled()
-    for index in empty_cache.rglob("*.nb[ci]" if wrong == "no code" else "*.nbi"):
+    for index in empty_cache.rglob("*.nbc" if wrong == "no code" else "*.nbi"):
         if wrong == "lost":
             index.unlink()
         elif wrong in ("empty", "no code"):
@@ -145,37 +175,61 @@ def test_a_cache_that_cannot_be_used_is_left_as_it_is(empty_cache, caplog, wrong
             stamp, names = pickle.loads(rest)
             found = ("0.1", stamp) if wrong == "of another Numba" else (version, "another")
             index.write_bytes(pickle.dumps(found[0], -1) + pickle.dumps((found[1], names), -1))
-    before = contents(empty_cache)
+    damaged = contents(empty_cache)
     assert (several_doubled() == 2.0).all()
-    beside = contents(empty_cache)
-    assert before.items() < beside.items()
-    assert len(caplog.messages) == 2
+    anew = contents(empty_cache)
+    assert anew != damaged
+    cleared = [message for message in caplog.messages if "cannot be used, and is removed" in message]
+    assert len(cleared) == (wrong in ("empty", "truncated", "no code"))
+    said = len(caplog.messages)
     assert (several_doubled() == 2.0).all()
-    assert contents(empty_cache) == beside
-    assert len(caplog.messages) == 2
+    assert contents(empty_cache) == anew
+    assert len(caplog.messages) == said
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
-def test_a_compilation_that_fails_leaves_nothing(empty_cache, error, monkeypatch):
-    """Neither Ctrl-C nor a full disk; the latter is one sentence. Numba's settings are the user's again."""
-    monkeypatch.setitem(vars(config), "CACHE_DIR", "theirs")
-    optimised = config.OPT
+def test_kept_code_that_is_compiled_all_the_same_is_no_silent_wait(empty_cache, caplog, monkeypatch):
+    """As if Numba did not take it for its own: a word after a while, none if it is loaded before that."""
+    several_doubled()
+    caplog.clear()
+    several_doubled()
+    assert caplog.messages == []
+    monkeypatch.setattr(compiling, "PATIENCE", (0.0, 60.0))
+    several_doubled()
+    assert caplog.messages == ["cdpr_sim compiles its test: up to a minute, once on this machine"]
 
-    def fail():
-        with compiling._optimised(1):
-            (Path(vars(config)["CACHE_DIR"]) / "part").mkdir(parents=True)
-            raise error
 
-    with pytest.raises((KeyboardInterrupt, cdpr.StoreError)) as raised:
-        code_cache.fetch("test", fail, fail)
-    assert list(empty_cache.iterdir()) == []
-    assert vars(config)["CACHE_DIR"] == "theirs"
-    assert vars(config)["OPT"] is optimised
-    if isinstance(error, OSError):
-        expected = (
-            f"compiled code: cannot be written to {empty_cache}: No space left on device; expected space, or NUMBA"
-        )
-        assert str(raised.value).startswith(expected)
+def test_an_error_of_the_code_itself_is_raised(empty_cache):
+    """No cache is at fault, and none is cleared."""
+
+    def wrong(value, scratch, result):
+        result[0, 0] = value.no_such_attribute
+
+    with pytest.raises(numba.errors.TypingError):
+        compiling.Kernel("wrong", wrong, "()->()")(np.ones(compiling.FEW + 1))
+
+
+FULL = """
+import resource, signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits are POSIX")
+def test_a_full_disk_costs_one_compilation_in_each_process_and_one_sentence(tmp_path):
+    """What was compiled is used all the same."""
+    for _ in range(2):
+        printed, said = finished(start(tmp_path, FULL + SEVERAL))
+        assert printed == ["999000.0"]
+        compiles, kept = said.splitlines()
+        assert compiles == "cdpr_sim compiles its double: up to a minute, once on this machine"
+        assert re.fullmatch(r"cdpr_sim: the compiled code cannot be kept in .*double: File too large", kept)
+
+
+def test_numbas_own_switch_interprets_all(tmp_path):
+    """NUMBA_DISABLE_JIT, of which a debugger is in need."""
+    assert finished(start(tmp_path, SEVERAL, NUMBA_DISABLE_JIT="1")) == (["999000.0"], "")
+    assert contents(tmp_path / "cache") == {}
 
 
 # --- nobody waits for ever ----------------------------------------------------------------------------------------
@@ -207,21 +261,19 @@ import os, threading, time
 import cdpr_sim
 there = threading.Event()
 
-def here(*_):
-    there.set()
-    time.sleep(0.05)
-
 if WHERE == "imports":
     class Finder:
         def find_spec(self, name, path=None, target=None):
             if name == "numba.np.ufunc":
-                here()
+                there.set()
+                time.sleep(0.05)
     sys.meta_path.insert(0, Finder())
 else:
-    from numba.core import event
-    class Listener(event.Listener):
-        on_start = on_end = here
-    event.register("numba:run_pass", Listener())
+    build = compiling.Compiled._build
+    def builds(*given):
+        there.set()
+        return build(*given)
+    compiling.Compiled._build = builds
 
 thread = threading.Thread(target=lambda: kernel(many))
 thread.start()
@@ -229,7 +281,7 @@ there.wait()
 child = os.fork()
 if child == 0:
     try:
-        print(kernel(many).sum(), flush=True)
+        print(kernel(many).sum(), other(many).sum(), flush=True)
     except cdpr_sim.CdprError as error:
         print(error, flush=True)
     os._exit(0)
@@ -244,13 +296,46 @@ thread.join()
     ("where", "said"),
     [
         ("imports", "compiled code: this process was forked while another thread of its parent"),
-        ("compiles", "999000.0"),
+        ("compiles", "999000.0 1498500.0"),
     ],
 )
 def test_a_child_that_is_forked_amid_an_import_refuses_and_amid_a_compilation_computes(tmp_path, where, said):
     """Locks of Python and of Numba were inherited from a thread that does not exist in the child."""
     printed, _ = finished(start(tmp_path, f"WHERE = {where!r}" + FORK))
     assert " ".join(printed).startswith(said)
+
+
+CTRL_C = (
+    DOUBLED
+    + """
+import random, signal
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+compiling.import_numba()
+random.seed(int(sys.argv[1]))
+signal.signal(signal.SIGALRM, interrupt)
+interrupted = 0
+for attempt in range(12):
+    signal.setitimer(signal.ITIMER_REAL, random.uniform(0.001, 0.4))
+    try:
+        other.compiled
+    except KeyboardInterrupt:
+        interrupted += 1
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+print(interrupted > 0, other(many).sum(), kernel(many).sum())
+"""
+)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="alarms are POSIX")
+def test_ctrl_c_amid_a_compilation_spoils_nothing(tmp_path):
+    """The same process compiles it later, and another one loads what it keeps."""
+    printed, _ = finished(start(tmp_path, CTRL_C, words=["0"]))
+    assert printed == ["True", "1498500.0", "999000.0"]
+    assert finished(start(tmp_path, SEVERAL, words=["other"])) == (["999000.0", "1498500.0"], "")
 
 
 INTERRUPTS = (
@@ -260,7 +345,7 @@ import random, signal
 from concurrent.futures import ThreadPoolExecutor
 
 compiling.import_numba()
-compiling.code_cache.fetch = lambda *_: len  # nothing is compiled: all time is spent around the lock
+compiling.Compiled._build = lambda *_: len  # nothing is compiled: all time is spent around the lock
 random.seed(0)
 armed = False
 
@@ -275,7 +360,7 @@ def ask(one):
     return one.compiled
 
 signal.signal(signal.SIGALRM, interrupt)
-other, kept, pool = compiling.Kernel("other", times(1.0), "()->()"), [], ThreadPoolExecutor(1)
+kept, pool = [], ThreadPoolExecutor(1)
 for _ in range(1000):
     try:
         armed = True
@@ -330,21 +415,21 @@ def test_another_text_in_any_source_that_is_compiled_is_another_cache(tmp_path):
     while waiting:
         reached.add(path := waiting.pop())
         waiting |= imported(path) - reached
-    assert {path.relative_to(PACKAGE).as_posix() for path in reached} == set(code_cache.SOURCES)
+    assert {path.relative_to(PACKAGE).as_posix() for path in reached} == set(compiling.SOURCES)
     package = tmp_path / "cdpr_sim"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     before = cache_of(package).digest()
-    for name in code_cache.SOURCES:
+    for name in compiling.SOURCES:
         file, text = package / name, (package / name).read_text(encoding="utf-8")
         file.write_text(text + "\nONE_MORE = 1\n", encoding="utf-8")
         assert cache_of(package).digest() != before, name
         file.write_text(text, encoding="utf-8")
-    assert cache_of(package).digest() == before == code_cache.digest()
+    assert cache_of(package).digest() == before == compiling.digest()
 
 
 def cache_of(package: Path) -> ModuleType:
-    """``core.code_cache`` of a copy of the package."""
-    spec = importlib.util.spec_from_file_location("cache_of_a_copy", package / "core" / "code_cache.py")
+    """``core.compiling`` of a copy of the package."""
+    spec = importlib.util.spec_from_file_location("cache_of_a_copy", package / "core" / "compiling.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -354,30 +439,27 @@ def cache_of(package: Path) -> ModuleType:
 
 
 def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
-    """From a package and with a home that cannot be written to, not even by root: it compiles, and says where to."""
+    """From a package and with a home that cannot be written to, not even by root: it compiles, and says what is so."""
     package = tmp_path / "site" / "cdpr_sim"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "__pycache__").write_text("")
-    (tmp_path / "tmp").mkdir()
-    place = dict(PYTHONPATH=str(package.parent), TMPDIR=str(tmp_path / "tmp"), HOME="/dev/null")
-    script = DOUBLED + "import cdpr_sim\nprint(kernel(many).sum(), cdpr_sim.__file__)"
-    printed, said = finished(start(tmp_path, script, **place, NUMBA_CACHE_DIR="", XDG_CACHE_HOME=""))
-    assert printed == ["999000.0", str(package / "__init__.py")]
-    for words, line in zip(("set NUMBA_CACHE_DIR", "compiles its double"), said.splitlines(), strict=True):
+    place = dict(PYTHONPATH=str(package.parent), HOME="/dev/null", NUMBA_CACHE_DIR="", XDG_CACHE_HOME="")
+    printed, said = finished(start(tmp_path, SEVERAL + "; print(compiling.__file__)", words=["other"], **place))
+    assert printed == ["999000.0", "1498500.0", str(package / "core" / "compiling.py")]
+    for words, line in zip(("kept nowhere", "its double", "its triple"), said.splitlines(), strict=True):
         assert words in line
-    (kept,) = (tmp_path / "tmp").glob("cdpr_sim-*")
-    assert list(kept.rglob("*.nbi"))
-    assert kept.stat().st_mode & 0o077 == 0  # this user's alone, since machine code is loaded from it
 
 
-def test_code_of_other_versions_and_of_killed_processes_is_cleared_away(monkeypatch, tmp_path):
-    """A folder for each version of the sources would grow for ever."""
+def test_code_of_other_sources_is_cleared_away_and_that_of_another_processor_is_not(monkeypatch, tmp_path):
+    """A folder for each version of the sources would grow for ever; a home may be shared by several machines."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    here = code_cache.folder.__wrapped__()  # chosen anew
-    (here.parent / "0123456789abcdef").mkdir()
-    for name, age in (("solver-0", 0.0), (".now", 0.0), (".killed", code_cache.ABANDONED + 60)):
-        (here / name).mkdir()
-        os.utime(here / name, (time.time() - age,) * 2)
-    assert code_cache.folder.__wrapped__() == here
-    assert [path.name for path in here.parent.iterdir()] == [code_cache.digest()]
-    assert {path.name for path in here.iterdir()} == {"solver-0", ".now"}
+    compiling._place.cache_clear()
+    here = compiling.place()
+    for folder in (here.parents[1] / "0123456789abcdef", here.with_name("another")):
+        folder.mkdir()
+    compiling._place.cache_clear()
+    assert compiling.place() == here
+    assert [path.name for path in here.parents[1].iterdir()] == [compiling.digest()]
+    assert {path.name for path in here.parent.iterdir()} == {compiling.compiler(), "another"}
+    monkeypatch.setenv("NUMBA_OPT", "1")
+    assert compiling.compiler.__wrapped__() != compiling.compiler()

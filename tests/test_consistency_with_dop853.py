@@ -72,15 +72,15 @@ def winding(robot: cdpr.Robot, shorter: float, uneven: float) -> Winches:
     return Winches(lengths)
 
 
-def acceleration(rig: oracle.Rig, y, rest_lengths, damping, dampers):
+def acceleration(rig: oracle.Rig, y, rest_lengths, rates, damping, cable_damping):
     """Newton's and Euler's equations about the platform's origin; y: position, quaternion, velocity, body's spin."""
     R, v, spin = Rotation.from_quat(y[3:7]).as_matrix(), y[7:10], y[10:]
     arms = rig.anchors @ R.T
     theta, straight, leaving = oracle.over_wheel(rig, y[:3] + arms - rig.exits)
     behind = rig.winch_to_exit / rig.reeving
-    strain = (rig.pulley_radius * theta + straight - rest_lengths) / (rest_lengths + behind)
-    growth = (leaving * (v + np.cross(R @ spin, arms))).sum(1)
-    pull = rig.reeving * rig.axial_stiffness * strain + dampers * growth
+    stretch = rig.pulley_radius * theta + straight - rest_lengths
+    growth = (leaving * (v + np.cross(R @ spin, arms))).sum(1) - rates
+    pull = rig.reeving * rig.axial_stiffness * (stretch + cable_damping * growth) / (rest_lengths + behind)
     pulls = -np.maximum(pull, 0)[:, None] * leaving
     m, c, weight = rig.mass, rig.center_of_mass, np.array([0, 0, -rig.mass * rig.gravity])
     at_origin = rig.inertia + m * (c @ c * np.eye(3) - np.outer(c, c))
@@ -95,19 +95,21 @@ def acceleration(rig: oracle.Rig, y, rest_lengths, damping, dampers):
 def reference(robot, winches, start, damping, cable_damping):
     """Positions and rotations at each command, (rows, 3) and (rows, 3, 3)."""
     rig, rigid = oracle.Rig.of(robot), robot.rest_lengths(robot.home)
-    dampers = cable_damping * rig.reeving * rig.axial_stiffness / (rigid + rig.winch_to_exit / rig.reeving)
     damping *= 2 * np.sqrt(rig.gravity / rigid.mean())  # of critical, of a pendulum as long as the cables
 
-    def slope(time, y):
+    def slope(time, y, rates):
         spin = y[10:]
         turn = Rotation.from_quat(y[3:7]).as_quat()
         turning = 0.5 * np.append(turn[3] * spin + np.cross(turn[:3], spin), -turn[:3] @ spin)
-        return np.concatenate([y[7:10], turning, acceleration(rig, y, winches.lengths(time), damping, dampers)])
+        return np.concatenate(
+            [y[7:10], turning, acceleration(rig, y, winches.lengths(time), rates, damping, cable_damping)]
+        )
 
     states = [np.concatenate([start.translation, start.rotation.as_quat(), np.zeros(6)])]
     for tick in range(round(SECONDS * RATE)):  # where the winches' speed changes the integration begins anew
         span = (tick / RATE, (tick + 1) / RATE * (1 - 1e-12))
-        states.append(solve_ivp(slope, span, states[-1], method="DOP853", rtol=TO, atol=TO).y[:, -1])
+        rates = (RATE * (winches.lengths(span[1]) - winches.lengths(span[0])),)
+        states.append(solve_ivp(slope, span, states[-1], method="DOP853", rtol=TO, atol=TO, args=rates).y[:, -1])
     found = np.array(states)
     return found[:, :3], Rotation.from_quat(found[:, 3:7]).as_matrix()
 

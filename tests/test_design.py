@@ -11,10 +11,10 @@ from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.crosscheck.layout_validation import validate_layout
 from cdpr_sim.design import search
 from cdpr_sim.design.constraints import constraints_of
-from cdpr_sim.design.layout_derivatives import layout_derivatives
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_layouts
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
+from cdpr_sim.design.polish import margins, slopes_of_margins
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.report.layout_pictures import driven
 from real_cables import crane
@@ -23,6 +23,9 @@ from tests.sample_problems import grid, symmetric_pair
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]
 """Along the paper's line [m]."""
 
+
+ORDER = 2.9
+"""Least exponent with which a central difference's remainder falls with the step."""
 
 DRIVE_LINES = {"winch_to_exit": [0.3, 0.0] * 4, "reeving": [1, 2, 1, 1] * 2}
 
@@ -139,32 +142,34 @@ def test_a_box_holds_the_centre_of_mass_whatever_cables_are_named(parallel):
     assert bounds[0].tolist() == bounds[1].tolist() == [0.01] * 3
 
 
-@pytest.mark.parametrize("bent", [False, True])
-def test_slopes_are_those_of_differences(bent: bool):
-    """Pose and tensions by every kind of variable, with slack cables, loads with torques, and two stiffnesses.
-
-    Negative control: winches that do not know of the change give other slopes.
-    """
-    robot = cdpr.load_robot("cogiro" if bent else "parallel")
-    if bent:
+@pytest.mark.parametrize("smooth", ["worst tilt", "worst deviation", "lowest tension"])
+@pytest.mark.parametrize("properties", ["none", "wheels", "mass and pretension"])
+def test_slopes_of_layouts_are_those_of_a_taylor_series(smooth: str, properties: str):
+    """Of all margins, by every kind of variable at once, with slack cables, loads with torques, and two stiffnesses."""
+    robot = cdpr.load_robot("parallel" if properties == "none" else "cogiro")
+    if properties == "wheels":
         robot = robot.replace(pulley_radius=0.02, pulley_axis=(0, 0, 1), stiffening=(50, 0), **DRIVE_LINES)
+    if properties == "mass and pretension":
+        robot = robot.replace(linear_density=1e-3, pretension=1.0)
     moves = [Move("exits", 0.05), Move("anchors", 0.005), Move("center_of_mass", 0.005), Move("axial_stiffness", 2)]
     space = Space.of(robot, moves, "none")
     cases = Cases.of(robot, [(0.2, 0.22, 0.12, 0, 0.05, 0.1)], [np.zeros(6), [0.3, 0, 0.1, 0, 0.01, 0.02]], [1, 0.5])
-    here = solve_layouts(space.layouts(np.zeros((1, len(space)))), cases, 1)
-    assert bent or here.slack.any()
-    changes = {name: by.reshape(len(space), -1).T for name, by in space.by.items() if name != "linear_density"}
-    changes["axial_stiffness"] = robot.axial_stiffness[:, None] * changes["axial_stiffness"]
-    by_pose, by_tensions = layout_derivatives(here, 0, changes, known=True)
-    step = 1e-6
-    after, before = (solve_layouts(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
-    for measured, exact in (
-        (after.positions - before.positions, by_pose[:, :3]), (after.tensions - before.tensions, by_tensions),
-    ):  # fmt: skip
-        slope = np.moveaxis(measured, 0, -1) / (2 * step)
-        assert exact == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())  # rounding of the rests over the step
-    unaware, _ = layout_derivatives(here, 0, changes, known=False)
-    assert np.abs(unaware - by_pose).max() > 0.1 * np.abs(by_pose).max()
+    limits = (np.full(8, 0.1), np.full(8, 50.0))
+
+    def numbers(shares):
+        values = space.lower + shares * (space.upper - space.lower)
+        return margins(values, space, cases, OBJECTIVES[smooth], limits, 0.2)
+
+    middle, step = np.full(len(space), 0.5), 4e-3 * np.random.default_rng(0).uniform(-1, 1, len(space))
+    assert properties != "none" or (numbers(middle[None])[1] < 0).any()  # slack
+    for kind, slope in enumerate(slopes_of_margins(numbers, middle)):
+        left = []
+        for part in (1.0, 0.5):
+            up, down = (numbers((middle + sign * part * step)[None])[kind][0] for sign in (1, -1))
+            left.append(np.abs(up - down - 2 * part * slope @ step).max())
+        least = 1e-6 * np.abs(slope @ step).max()
+        assert left[1] < max(left[0] / 2**ORDER, least), kind
+        assert np.abs(slope @ step).max() > 100 * left[0]
 
 
 @pytest.mark.parametrize("density", [0.0, 0.01])

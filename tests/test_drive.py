@@ -175,3 +175,17 @@ def test_released_a_platform_leaves_a_saddle_and_stays_at_a_stable_equilibrium()
     for one in found:
         went = cdpr.release(one, seconds=0.1 if one.stable else 5.0)
         assert (went.stays, went.leaves) == (one.stable, not one.stable), went
+
+
+@pytest.mark.parametrize("move", ["drive", "track"])
+def test_light_cables_do_not_jerk_where_they_become_taut(move):
+    """With 0.5 g/m over wheels, tensions stay near those of massless cables; there were peaks of 53 and 45 N."""
+    robot = cdpr.load_robot("parallel").replace(pulley_radius=0.01)
+    line = [robot.home, robot.home + np.array([0.05, 0, 0])]
+
+    def largest(robot: cdpr.Robot) -> float:
+        if move == "drive":
+            return cdpr.drive(robot, line, seconds=1.0, states=31).tensions.max()
+        return cdpr.track(robot, line, cdpr.RigidLengths(robot), seconds=0.5).tensions.max()
+
+    assert largest(robot.replace(linear_density=5e-4)) < 1.05 * largest(robot)

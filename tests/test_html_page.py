@@ -1,5 +1,6 @@
 """The page to hand on: one file, whose numbers are MuJoCo's and the solver's, and which a browser shows as it is."""
 
+import base64
 import dataclasses
 import itertools
 import json
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import made_up
+import mediapy
 import numpy as np
 import pytest
 from drawn_figures import swept
@@ -62,6 +64,12 @@ def test_the_page_is_one_file_that_asks_for_nothing(text):
     assert "http" not in policy
     assert HOSTILE in read.words
     assert not any(values.get("src") == "x" for _, values in read.tags)
+
+
+def test_the_film_has_a_frame_of_every_state(text):
+    """Twelve a second, of the size asked for."""
+    film = base64.b64decode(re.search(r'data:video/mp4;base64,([^"]+)', text)[1])  # type: ignore[index]
+    assert np.asarray(mediapy.decompress_video(film)).shape == (len(made_up.states()), 240, 320, 3)
 
 
 def shown_page(summary) -> str:
@@ -267,19 +275,21 @@ def wait_for(true: Callable[[], bool]) -> None:
 
 def test_it_loads_without_an_error_and_asks_the_network_for_nothing(opened, text, tmp_path):
     """Nothing on the console, no request; and both would be seen: a page that breaks, or asks, is told from it."""
-    assert opened.driver.get_log("browser") == []
-    assert opened.requests() == []
     film = "const film = document.querySelector('video'); return [film.error, film.readyState > 1, film.videoWidth]"
     wait_for(lambda: opened(film)[1])
     assert opened(film) == [None, True, 320]
+    assert opened.driver.get_log("browser") == []
+    assert opened.requests() == []
     breaks = text.replace("const views", "").replace('getElementById("scene")', 'getElementById("lost")')
     asks = text.replace("</main>", '<img alt="" src="https://example.invalid/x.png"></main>')
     for broken in (breaks, asks):
         opened.open(tmp_path / "broken.html", broken)
-        assert opened.driver.get_log("browser") != []
+        wait_for(lambda: opened.driver.get_log("browser") != [])
     opened.requests()
+    asked: list[str] = []
     opened.open(tmp_path / "broken.html", asks.replace(html_page.POLICY, ""))
-    assert opened.requests() == ["https://example.invalid/x.png"]
+    wait_for(lambda: asked.extend(opened.requests()) or asked != [])  # they are told some time after the page is there
+    assert asked == ["https://example.invalid/x.png"]
 
 
 def test_the_robot_is_drawn_and_turns_by_keyboard_and_mouse(opened):

@@ -896,14 +896,16 @@ def holdable(at: Case) -> bool:
 
 
 def tracked(at: Case, controller) -> Judge:
-    """A platform that is held at rest, on the lengths that the winches have let out."""
-    return moved(at, cdpr.track(at.robot, at.pose[None], controller, seconds=0.02), 0.0)
+    """A platform that is held at rest, on the lengths that the winches have let out.
+
+    Ropes that creep do it by up to 6e-5 of the weight in 0.02 s, before the platform has followed.
+    """
+    return moved(
+        at, cdpr.track(at.robot, at.pose[None], controller, seconds=2e-4 if "creep" in at.names else 0.02), 0.0
+    )
 
 
-MASSLESS_AND_LINEAR = {(m, other): NO_MEMORY[m] for m in MEMORY for other in ("mass", "law")}
-
-
-@row("track", "RigidLengths", few=6, refuses=MASSLESS_AND_LINEAR, blind=NEW)
+@row("track", "RigidLengths", few=6, blind=NEW)
 def _track(at: Case) -> Judge:
     """Winches that hold the rigid lengths."""
     return tracked(at, cdpr.RigidLengths(at.robot))
@@ -1025,12 +1027,6 @@ def _find_layout(at: Case) -> Judge:
 
 # Tests.
 
-DEFECTS = dict.fromkeys(
-    [("release", "drawn, planar"), ("drive", "drawn, planar")],
-    "chains in motion leave a stable equilibrium of a planar robot where a cable with mass runs over a wheel",
-)
-"""Cells that are known to be wrong."""
-
 NOT_ANSWERS = {
     "open_sweep": "reads a file", "read_measurements": "reads a file",
     "draw": "a picture", "show": "a picture", "write_video": "pictures",
@@ -1042,10 +1038,8 @@ NOT_ANSWERS = {
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", ROWS)
-def test_every_answer_is_the_oracles_for_every_mixture(name, robot, request) -> None:
+def test_every_answer_is_the_oracles_for_every_mixture(name, robot) -> None:
     """With the robot's own numbers; or it is refused in the sentence of the row."""
-    if (name, robot) in DEFECTS:
-        request.applymarker(pytest.mark.xfail(reason=DEFECTS[name, robot], strict=True))
     row, wrong = ROWS[name], []
     for at in cases_of(robot, row):
         sentences = [sentence for names, sentence in row.refuses.items() if names <= at.names]

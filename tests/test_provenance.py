@@ -22,7 +22,8 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import compare as comparing
 from cdpr_sim.crosscheck import layout_validation as proving
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
-from cdpr_sim.physics import sensing
+from cdpr_sim.physics.batch import Observation
+from cdpr_sim.physics.motion import Motion
 from cdpr_sim.physics.release import Release
 from cdpr_sim.report import robot_summary
 
@@ -212,13 +213,14 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
         np.testing.assert_array_equal(static.translation, outline.positions)
 
 
-def test_a_tracked_trajectory_is_what_mujocos_sensors_say(monkeypatch):
+def test_a_tracked_trajectory_is_what_mujoco_says(monkeypatch):
     """Poses, lengths and tensions; what the controller commands shows in the rest lengths alone."""
-    read = np.array([1.0, 2.0, 3.0, 1.0, 0, 0, 0]), 10.0 + np.arange(8), 20.0 + np.arange(8)
-    monkeypatch.setattr(sensing.Readings, "of", lambda self, sensed: read)
+    lengths, tensions = 10.0 + np.arange(8), 20.0 + np.arange(8)
+    read = Observation(np.array([[1.0, 2.0, 3.0]]), np.eye(3)[None], lengths[None], tensions[None])
+    monkeypatch.setattr(Motion, "look", lambda self: read)
     robot = cdpr.load_robot("cogiro")
     tracked = cdpr.track(robot, [robot.home], RigidLengths(robot), seconds=0.03)
     assert tracked.source == "mujoco"
-    for name, value in {"positions": read[0][:3], "lengths": read[1], "tensions": read[2]}.items():
+    for name, value in {"positions": read.positions, "lengths": lengths, "tensions": tensions}.items():
         assert (getattr(tracked, name) == value).all()
     np.testing.assert_allclose(tracked.rest_lengths, np.tile(robot.rest_lengths(robot.home), (4, 1)), rtol=1e-12)

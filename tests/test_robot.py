@@ -1,10 +1,14 @@
+import dataclasses
+import inspect
 import pickle
 
 import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.describe import describe_stiffness
+from cdpr_sim.core.property import REQUIRED
 from cdpr_sim.core.robot import FIELDS
 
 EXITS = [[-1, 0, 1], [1, 0, 1], [0, 1, 1.0]]
@@ -159,3 +163,32 @@ def test_rotations_are_compared_by_the_anchors_distance():
 def test_a_force_is_said_in_the_unit_that_suits_its_size(stiffness, words):
     """From 1 of a unit up."""
     assert describe_stiffness(robot(axial_stiffness=stiffness)) == f"EA = {words}"
+
+
+def test_arguments_are_the_declared_properties():
+    """Robot's signature has each property of ``core.cable`` with its default, and its docstring explains it."""
+    arguments = inspect.signature(cdpr.Robot).parameters
+    for name, one in PROPERTIES.items():
+        usual = inspect.Parameter.empty if one.default is REQUIRED else one.default
+        of_material = name == "breaking_load" and arguments[name].default is None
+        assert of_material or arguments[name].default == usual, name
+        assert f"\n    {name}: " in (inspect.getdoc(cdpr.Robot) or ""), name
+
+
+@pytest.mark.parametrize(
+    ("method", "known_to"),
+    [
+        (cdpr.solve, ()),
+        (cdpr.settle, ("statics", "proof")),
+        (lambda problem: cdpr.certify(cdpr.solve(problem)), ("statics",)),
+        (cdpr.certify_all, ("statics",)),
+    ],
+)
+def test_a_method_refuses_a_property_that_it_does_not_know(monkeypatch, method, known_to):
+    """A property is known to no method before its declaration says so."""
+    monkeypatch.setitem(
+        PROPERTIES, "winch_to_exit", dataclasses.replace(PROPERTIES["winch_to_exit"], known_to=known_to)
+    )
+    made = cdpr.load_robot("two-cable").replace(winch_to_exit=3.0)
+    with pytest.raises(cdpr.InvalidInput, match="found winch_to_exit in cable 1, expected cables without"):
+        method(cdpr.Problem.of(made, made.home))

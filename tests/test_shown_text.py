@@ -52,12 +52,14 @@ from cdpr_sim.report import (
     crosscheck_tables,
     design_tables,
     html,
+    model_tables,
     notebook,
     proof_tables,
     robot_tables,
     score_tables,
     workspace_tables,
 )  # fmt: skip
+from cdpr_sim.report.table_style import Sheet
 
 UNKNOWN = cdpr.NotConverged("stalled [here]", equilibrium())
 STAYS = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0), Release(1e-6, 2e-6, 3.0), Release(2e-4, 3e-5, 2.0)]
@@ -169,6 +171,22 @@ OUTPUTS = {
         disagreements=made_up.checked().disagreements * 23)),
         f"all agree: {workspace_tables.all_agree(made_up.checked().dataset)}",
     ],
+    "any model": lambda: [
+        *model_tables.rest_lead(made_up.model_rest()), *model_tables.rest_lead(made_up.model_rest(
+            agreement=dataclasses.replace(made_up.model_rest().agreement, agrees=True), friction_share=0, neutral=())),
+        *model_tables.rest_lead(made_up.model_rest(agreement=None, friction_share=1 + 1e-12)),
+        model_tables.pose_table(made_up.MODEL, made_up.MODEL.qpos0, made_up.model_rest()),
+        model_tables.tension_table(made_up.model_rest()), model_tables.contact_table(made_up.model_rest()),
+        as_json.model_equilibrium(made_up.MODEL, made_up.model_rest()), repr(made_up.model_rest()),
+        repr(made_up.tendons()),
+    ],
+    "diagnosis": lambda: [
+        *model_tables.findings_lines(made_up.diagnosis()), *model_tables.findings_lines(made_up.diagnosis(findings=())),
+        *model_tables.time_step_lines(made_up.MODEL, made_up.diagnosis()),
+        *model_tables.time_step_lines(made_up.MODEL, made_up.diagnosis(fastest_period=np.inf, stable_time_steps={})),
+        as_json.diagnosis(made_up.diagnosis()), as_json.diagnosis(made_up.diagnosis(fastest_period=np.inf)),
+        repr(made_up.diagnosis()),
+    ],
     "real cables": lambda: [real_cables.effects_table(effects := properties().effects[5:9]),
     real_cables.left_out(effects)],
     "score": lambda: [score_tables.score_table(made_up.scores()), score_tables.scores_json(made_up.scores())],
@@ -187,9 +205,19 @@ def rows(table: Table) -> dict[str, list[str]]:
 
 
 def written(part: object) -> str:
-    """With all markup, a table's cells separated by bars, and styles of its rows and columns in brackets."""
+    """With all markup, a table's cells separated by bars, and styles of its rows and columns in brackets.
+
+    Which columns are left-aligned or may be broken, how far they are apart, and what is below what on a narrow screen.
+    """
     if isinstance(part, Table):
-        heads = [f"{column.header} ({column.style})" if column.style else str(column.header) for column in part.columns]
+        heads = [
+            f"{column.header}{' ←' * (column.justify == 'left')}{' wraps' * (not column.no_wrap)}"
+            + (f" ({column.style})" if column.style else "")
+            for column in part.columns
+        ]
+        if isinstance(part, Sheet):
+            below = "columns" if part.methods else f"rows named by {part.text_columns}"
+            heads[-1] += f"   padding {part.padding}, {below} below each other"
         lines = [" | ".join(heads).replace("\n", "\\n")]
         for number, row in enumerate(part.rows):
             style, end = f" ({row.style})" * bool(row.style), "\n" * row.end_section

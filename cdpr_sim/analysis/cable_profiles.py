@@ -39,5 +39,5 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
         robot, robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
         robot.cable_weights, points,
     )  # fmt: skip
-    shapes[..., robot.cabling.pulleys & (robot.linear_density == 0), :, :] = np.nan
+    shapes[..., robot.cabling.pulleys & ~robot.cabling.with_mass, :, :] = np.nan
     return shapes

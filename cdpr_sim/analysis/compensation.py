@@ -169,7 +169,8 @@ class Compensation(Frozen, HtmlRepr):
         return self.equilibrium.overloaded
 
     def __repr__(self) -> str:
-        broken = f", {int(self.overloaded.sum())} cables beyond their breaking load" if self.overloaded.any() else ""
+        count = int(self.overloaded.sum())
+        broken = f", {count} cable{'s' * (count > 1)} beyond the breaking load" if count else ""
         return f"<Compensation: {self.outcome.value}, {1e3 * self.distance:.3g} mm away{broken}>"
 
 
@@ -224,7 +225,7 @@ def compensate(
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
     field, given = ("tension_limits", tension_limits) if tensions is None else ("tensions", tensions)
     lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given, field)
-    upper = np.minimum(upper, cable_law.largest_tension(*robot.cabling.law))
+    upper = np.minimum(upper, cable_law.largest_tension(robot.cabling.law))
     if (lower > upper).any():
         cable = int(np.argmax(lower > upper))
         raise InvalidInput(
@@ -295,7 +296,7 @@ def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Floa
     most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
     most = np.maximum(most, MOST_LOADS * problem.load)
     upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
-    taut = np.where(robot.cable_weights > 0, ABOVE_SLACK * slack_limits(problem) / robot.reeving, 0.0)
+    taut = np.where(robot.cable_weights > 0, ABOVE_SLACK * robot.cabling.tensions(slack_limits(problem)), 0.0)
     taut = np.maximum(TAUT * problem.force_scale, taut)
     lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(taut, upper))
     return lower, upper
@@ -325,14 +326,14 @@ def demand_at(
     positions, rotations = np.array([position] * len(tensions)), np.array([rotation] * len(tensions))
     state = _with_lengths(problem, _cut_lengths(robot, positions, rotations, tensions), positions, rotations)
     base, *others = (state.stiffness_matrix / np.outer(units, units))[:, free][:, :, free]
-    stiffening = (np.array(others) - base) / some[:, None, None]
+    stiffness_by_tension = (np.array(others) - base) / some[:, None, None]
     return Demand(
         wrench_matrix=(forces.geometry(robot, position, rotation).wrench_matrix / units[:, None])[free],
         load=(forces.load_wrench(problem, rotation) / units)[free],
         lower=lower,
         upper=upper,
-        stiffness=base - np.einsum("c,cij->ij", some, stiffening),
-        stiffening=stiffening,
+        stiffness=base - np.einsum("c,cij->ij", some, stiffness_by_tension),
+        stiffness_by_tension=stiffness_by_tension,
     )
 
 
@@ -343,10 +344,8 @@ def _tensions_at(
     if not np.all(np.asarray(least) > 0):
         return np.full(problem.robot.cables, np.inf)
     lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
-    stretching = least + problem.robot.cabling.behind
-    return np.where(
-        lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, *problem.robot.cabling.law)
-    )
+    stretching = least + problem.robot.cabling.added
+    return np.where(lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, problem.robot.cabling.law))
 
 
 def _cut_lengths(
@@ -577,15 +576,14 @@ def _descend(
         """By how much each cable's length exceeds that of the least rest length."""
         state, _, _ = pulling(unknowns.tobytes())
         strains = _strains(robot, unknowns[count:] * scale)
-        return (state.lengths - least - strains * (least + robot.cabling.behind)) / reach
+        return (state.lengths - least - strains * (least + robot.cabling.added)) / reach
 
     def spare_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "cables unknowns"]:
         state, _, jacobian = pulling(unknowns.tobytes())
-        by_step = -(state.geometry.wrench_matrix / robot.reeving).T
+        by_step = -robot.cabling.tensions(state.geometry.wrench_matrix).T
         by_step[:, 3:] = by_step[:, 3:] @ jacobian
-        EA, a2, a3 = robot.cabling.law
-        softness = 1 / (EA * cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, 1.0, a2, a3)[0])
-        by_tension = np.diag(-(least + robot.cabling.behind) * softness * scale / reach)
+        softness = 1 / cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, robot.cabling.law)[0]
+        by_tension = np.diag(-(least + robot.cabling.added) * softness * scale / reach)
         return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
@@ -620,7 +618,7 @@ def _descend(
 
 def _strains(robot: Robot, tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
     """The strain of each massless rope under these tensions."""
-    return 1 / cable_law.rest_length_for(1.0, np.maximum(tensions, 0.0), *robot.cabling.law) - 1
+    return cable_law.strain_at(np.maximum(tensions, 0.0), robot.cabling.law)
 
 
 def _shortest(problem: Problem, step: Float[np.ndarray, "6"], tensions: Float[np.ndarray, " cables"]) -> float:

@@ -29,7 +29,6 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.cable_kernel import SAGGING
 from cdpr_sim.statics.gufuncs import ROOTS
 
 SAME = 1e-3
@@ -393,11 +392,11 @@ def _roots(
     """Roots of the net wrench, stable or not, to which the starts lead."""
     robot, free = problem.robot, np.zeros(6)
     free[problem.robot.free] = 1.0
-    search = ROOTS[robot.cabling.bent if robot.cabling.massless else SAGGING]
     with np.errstate(all="ignore"):
-        positions, rotations, left = search.compiled_for_all(
+        positions, rotations, left = ROOTS(
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
-            free, robot.characteristic_length, 1e-3 * BALANCED * problem.load, damping, positions, rotations,
+            free, robot.characteristic_length, int(not robot.cabling.massless), 1e-3 * BALANCED * problem.load, damping,
+            positions, rotations,
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load
     # The orthogonality of products of many small rotations deteriorates by rounding.

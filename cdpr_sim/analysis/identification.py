@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.stats import chi2, norm, t
 
 from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
-from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, IdentificationModel, unknowns_of
+from cdpr_sim.analysis.identification_model import POSITIVE, RANGE, ROUGH, UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -225,10 +225,6 @@ class Identification(HtmlRepr):
         warned = f"; {self.reasons[0]}" if self.reasons else ""
         warned += f" (and {len(self.reasons) - 1} more warnings)" if len(self.reasons) > 1 else ""
         return f"<Identification of {self.robot.name!r}: {'; '.join(described[:SAID])}{more}{warned}>"
-
-
-POSITIVE = ("axial_stiffness", "mass", "pulley_radius")
-"""Unknowns that are fitted by their logarithms."""
 
 
 def identify(

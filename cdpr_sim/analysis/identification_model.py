@@ -1,8 +1,8 @@
 """What a robot's sensors show in equilibrium, as a function of unknowns, with its derivatives.
 
 An unknown is a number of the robot (EA, mass, an exit), of its winches (an offset of a rest length) or of its sensors
-(the gain of a load cell). With x(θ) the equilibrium, the derivatives of all but frequencies are exact, by the implicit
-function theorem; those of natural frequencies, and those by the linear density, are central differences.
+(the gain of a load cell). With x(θ) the equilibrium, derivatives are by the implicit function theorem
+(``statics.derivatives``); those of natural frequencies are central differences.
 """
 
 from __future__ import annotations
@@ -19,24 +19,30 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.identifiability import prediction_error
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.analysis.modes import modes_of
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.cable_path import swivel_angles
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
+OF_ALL_CABLES = {
+    name: one.step
+    for name, one in PROPERTIES.items()
+    if one.step is not None and one.shape == () and name != "axial_stiffness"
+}
+"""Properties of which one number for all cables can be fitted, or for all that run over a wheel."""
+
+POSITIVE = ("axial_stiffness", "mass", *(name for name, step in OF_ALL_CABLES.items() if step.path))
+"""Unknowns that are fitted by their logarithms."""
+
 UNKNOWNS = (
     "axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "rest_length_gains", "mass", "center_of_mass",
-    "exits", "anchors", "winch_to_exit", "pulley_radius", "linear_density", "force_gains", "force_offsets",
-    "angle_zeros", "yaw_zero", "swivel_zeros",
+    "exits", "anchors", *OF_ALL_CABLES, "force_gains", "force_offsets", "angle_zeros", "yaw_zero", "swivel_zeros",
 )  # fmt: skip
 """Unknowns that can be fitted: one EA for all cables, one each; rest lengths are gain times the given one plus offset;
-mass, centre of mass, exits, anchors; one length of rope between winch and exit, one pulley radius and one linear
-density for all cables; a load cell shows gain times tension plus offset; zeros of alpha, beta and gamma, of gamma
-alone, of the swivel angles."""
-
-DIFFERENCED = ("linear_density",)
-"""Parameters whose derivatives are differences."""
+mass, centre of mass, exits, anchors; one number for all cables of their other properties; a load cell shows gain times
+tension plus offset; zeros of alpha, beta and gamma, of gamma alone, of the swivel angles."""
 
 PERFECT = {
     "rest_lengths": 0.0, "rest_length_gains": 1.0, "force_gains": 1.0, "force_offsets": 0.0, "angle_zeros": 0.0,
@@ -52,9 +58,6 @@ FINAL, ROUGH = 1e-12, 1e-7
 
 EVALUATIONS = 200
 """Largest number of steps of a fit; those of the tests and of measured data take less than 30, beside a bound 100."""
-
-SHORTEST = 1e-9
-"""[m] Least length of rope between winch and exit: tensions have a derivative by it where it is not 0."""
 
 RANGE = 1e4
 """Positive unknowns are fitted within this factor of the robot's own."""
@@ -118,20 +121,20 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
         "center_of_mass": ("center_of_mass", "center_of_mass", "m", [(f" {'xyz'[i]}", (i,)) for i in axes], place),
         "exits": ("exit", "exits", "m", points, place),
         "anchors": ("anchor", "anchors", "m", points, place),
-        "winch_to_exit": ("winch_to_exit", "winch_to_exit", "m", all_cables, {"least": SHORTEST}),
-        "pulley_radius": ("pulley_radius", "pulley_radius", "m", wheels, positive),
-        "linear_density": ("linear_density", "linear_density", "kg/m", all_cables, {"scale": 1e-2, "least": 0.0}),
         "force_gains": ("force_gain", "force_gains", "", cells, {"size": (1.0, "it")}),
         "force_offsets": ("force_offset", "force_offsets", "N", cells, {}),
         "angle_zeros": ("", "angle_zeros", "rad", angles, {}),
         "yaw_zero": ("", "angle_zeros", "rad", [one for one in angles if one[0] == "yaw_zero"], {}),
         "swivel_zeros": ("swivel_zero", "swivel_zeros", "rad", swivels, {}),
     }
+    for name, step in OF_ALL_CABLES.items():
+        those, further = (wheels, positive) if step.path else (all_cables, {"scale": 1e-2, "least": 0.0})
+        table[name] = (name, name, PROPERTIES[name].unit, those, further)
     found: list[Unknown] = []
     for name in names:
         common, parameter, unit, numbers, further = table[name]
         if not numbers:
-            lacking = "robot with pulleys" if name == "pulley_radius" else "measurement that depends on it"
+            lacking = "robot with pulleys" if name in OF_ALL_CABLES else "measurement that depends on it"
             raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
         for own, columns in numbers:
             start = PERFECT.get(parameter)
@@ -341,9 +344,7 @@ class IdentificationModel:
         found = self._slopes_by(x, self.unknowns) * np.array(scales)
         frequencies = self.measurements.kinds == FREQUENCY
         for k, one in enumerate(self.unknowns):
-            if one.parameter in DIFFERENCED:
-                found[:, :, k] = self._differences(x, k)
-            elif frequencies.any() and one.parameter not in SENSORS:
+            if frequencies.any() and one.parameter not in SENSORS:
                 found[:, frequencies, k] = self._differences(x, k)[:, frequencies]
         self._slopes = x.copy(), found
         return found
@@ -358,22 +359,15 @@ class IdentificationModel:
     def _slopes_by(
         self, x: Float[np.ndarray, " fitted"], unknowns: Sequence[Unknown]
     ) -> Float[np.ndarray, "rows numbers unknowns"]:
-        """Exact derivatives of what sensors show, by these unknowns; 0 for frequencies and differenced parameters."""
+        """Derivatives of what sensors show, by these unknowns; 0 for frequencies."""
         self.solve(x)
-        data, free, cables = self.measurements, self.now.free, self.now.cables
+        data, cables, rows = self.measurements, self.now.cables, len(self.positions)
         state = forces.at(self.solved.problems, self.solved.positions, self.solved.rotations)
         changes = self._changes(unknowns)
-        wrench, tensions = derivatives.along_changes(state, changes)
-        slope = derivatives.wrench_slope(state)[..., free, :][..., free]
-        rows = len(self.positions)
-        step = np.zeros((rows, 6, len(unknowns)))
-        # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
-        for row in range(rows):
-            step[row, free] = -np.linalg.lstsq(slope[row], wrench[row, free], rcond=1e-12)[0]
+        step, tensions = derivatives.of_equilibria(state, *derivatives.along_changes(state, changes))
         parts = [step[:, :3], _angle_rates(self.solved.euler) @ step[:, 3:]]
         if data.tensions is not None:
-            by = tensions + derivatives.tension_by_pose(state) @ step
-            parts.append(self._of["force_gains"][:, None] * by)
+            parts.append(self._of["force_gains"][:, None] * tensions)
         if data.swivels is not None:
             _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
             moved = step[:, None, :3] - forces.cross_matrix(state.geometry.arms) @ step[:, None, 3:]
@@ -394,11 +388,11 @@ class IdentificationModel:
         return result
 
     def _changes(self, unknowns: Sequence[Unknown]) -> dict[str, Float[np.ndarray, "*rows parameters unknowns"]]:
-        """Derivatives of the parameters of the equilibria by these unknowns, of all that have exact ones."""
+        """Derivatives of the parameters of the equilibria by these unknowns."""
         cables, count, masses = self.robot.cables, len(unknowns), self.measurements.masses
         changes = {name: np.zeros((cables, count)) for name in ("rest_lengths", "rest_length_gains")}
         for k, one in enumerate(unknowns):
-            if one.parameter in SENSORS or one.parameter in DIFFERENCED:
+            if one.parameter in SENSORS:
                 continue
             if one.parameter not in changes:
                 changes[one.parameter] = np.zeros((np.size(getattr(self.robot, one.parameter)), count))

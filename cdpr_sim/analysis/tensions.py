@@ -45,7 +45,7 @@ class Demand:
         lower: smallest tension of each cable, (cables,) [N].
         upper: largest tension of each cable, (cables,) [N]; may be infinite.
         stiffness: the stiffness matrix at zero tension with all cables taut, (free, free) [N/m].
-        stiffening: change of that matrix by a newton of tension in each cable, (cables, free, free) [1/m].
+        stiffness_by_tension: change of that matrix by a newton of tension in each cable, (cables, free, free) [1/m].
     """
 
     wrench_matrix: Float[Array, "free cables"]
@@ -53,7 +53,7 @@ class Demand:
     lower: Float[Array, " cables"]
     upper: Float[Array, " cables"]
     stiffness: Float[Array, "free free"]
-    stiffening: Float[Array, "cables free free"]
+    stiffness_by_tension: Float[Array, "cables free free"]
 
     @cached_property
     def held(self) -> Float[Array, "free held"]:
@@ -61,7 +61,7 @@ class Demand:
 
         A platform whose anchors all lie in one point rotates about it, and its cables have no effect on that.
         """
-        parts = (self.wrench_matrix, self.stiffness, *self.stiffening)
+        parts = (self.wrench_matrix, self.stiffness, *self.stiffness_by_tension)
         sizes = [np.linalg.norm(part) or 1.0 for part in parts]
         vectors, values, _ = np.linalg.svd(np.hstack([part / size for part, size in zip(parts, sizes, strict=True)]))
         return vectors[:, values > NEUTRAL * values[0]]
@@ -76,13 +76,13 @@ class Demand:
 
         Only within the directions of ``held``.
         """
-        matrix = self.stiffness + np.einsum("c,cij->ij", tensions, self.stiffening)
+        matrix = self.stiffness + np.einsum("c,cij->ij", tensions, self.stiffness_by_tension)
         values, vectors = np.linalg.eigh(self.held.T @ matrix @ self.held)
         return float(values[0]), self.held @ vectors[:, 0]
 
     def cut(self, direction: Float[Array, " free"]) -> tuple[Float[Array, " cables"], float]:
         """(g, s) such that the stiffness along ``direction`` is s + g·tau: no smallest eigenvalue is above it."""
-        gain = np.einsum("i,cij,j->c", direction, self.stiffening, direction)
+        gain = np.einsum("i,cij,j->c", direction, self.stiffness_by_tension, direction)
         return gain, float(direction @ self.stiffness @ direction)
 
 

@@ -78,7 +78,7 @@ class HeldTensions:
             lower=lower,
             upper=upper,
             stiffness=np.zeros((count, count)),
-            stiffening=np.zeros((robot.cables, count, count)),
+            stiffness_by_tension=np.zeros((robot.cables, count, count)),
         )
         tensions = _chosen(demand)
         for _ in range(0 if robot.cabling.massless else DIRECTIONS):

@@ -95,4 +95,5 @@ def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tup
 def _along(robot: Robot, state: forces.State) -> Float[np.ndarray, " cables"]:
     """Stiffness of each rope in the direction of its pull [N/m]; of a sagging one, smaller than its spring's."""
     u = state.pull_directions
-    return np.einsum("ci,cij,cj->c", u, state.cable_stiffness, u) / robot.reeving**2
+    of_pull = np.einsum("ci,cij,cj->c", u, state.cable_stiffness, u)  # of all parts, by the length of one
+    return robot.cabling.tensions(robot.cabling.tensions(of_pull))

@@ -1,38 +1,46 @@
-"""Cables as data: where they run, how stiff they are, their mass per length.
+"""Cables as data: where they run, how stiff they are, their mass per length. Each property is declared once, here.
+
+Its declaration in ``Cables`` gives the checks, a row for each cable, the key in robot files (reading, writing, the
+template, the page), JSON, the sentences of ``core.describe``, what a symmetry of a layout compares, and the methods
+that take it into account: all others refuse it. ``Robot`` repeats the names as arguments, and a test compares both.
 
 Each method codes the behaviour of cables itself: the mathematics in ``core.cable_path``, ``core.cable_law`` and
-``statics.catenary``, the MuJoCo side in ``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
+``statics.catenary``, the MuJoCo side in ``physics.tendons``, ``physics.pulleys`` and ``physics.chains``.
 """
+
+# ruff: noqa: RUF009, since a declaration is the same for all robots
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import (
-    MOST_LENGTH,
-    Frozen,
-    as_numbers,
-    checked_array,
-    frozen,
-    in_range,
-    listed,
-    refuse_far,
-)
+from cdpr_sim.core.checks import MOST_LENGTH, Frozen, checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.property import (
+    EVERY,
+    Method,
+    Property,
+    Step,
+    above_0,
+    declarations,
+    declared,
+    from_0,
+    near,
+    within,
+)
 
-EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 7, 9, 10, 13, 14, 15, 16
-COLUMNS = 17
+EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 9, 10, 13, 14, 15, 16
+LAW, COLUMNS = RADIUS - STIFFNESS, 17
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
-line, the coefficients of nonlinear elasticity, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; and the number of columns."""
+line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
+the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; how many numbers a law has, and how
+many columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -61,9 +69,6 @@ MOST_REEVING = 100
 MOST_FRICTION = 1.0
 """Largest ``pulley_friction``; a rope on a small wheel loses 0.2 (``docs/concepts/memory.md``)."""
 
-MOST_ELEMENTS = 50
-"""Largest number of elements of hysteresis, and of terms of creep, of one cable; measured ropes are given by a few."""
-
 NO_ELEMENT, NO_TERM = (0.0, np.inf, 1.0), (np.inf, 1.0)
 """Element of hysteresis and term of creep without an effect, for cables that have fewer of them than others."""
 
@@ -72,37 +77,180 @@ STIFFNESS_RANGE = (1e-6, 1e15)
 beyond."""
 
 
-MEMORIES = ("pulley_friction", "hysteresis", "creep")
-"""Fields by which a cable has a memory."""
+LEAST_STRAIN = 1e-5
+"""Strain for the scale of steps of the density where there is less."""
 
-Rows: TypeAlias = Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]] | np.ndarray
-"""Rows of numbers for all cables, or such rows for each cable."""
+
+def _step_of_density(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Its own value; without one, a weight of 15 sqrt(strain) of the tension: at a step, (w L/T)²/24 is 1e-5 strain."""
+    weight = 15 * robot.axial_stiffness * np.maximum(strain, LEAST_STRAIN) ** 1.5 / length
+    return np.where(robot.linear_density > 0, robot.linear_density, weight / max(robot.gravity, 1.0))
+
+
+def _step_of_law(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Terms as large as the linear one; but of a slack cable none with which tension falls within the law's range."""
+    strain = np.where(strain > 0, strain, MOST_STRAIN / 4)
+    return np.stack([1 / strain, 1 / strain**2], axis=1)
+
+
+def _point_or_wheel(one: Property, radii: np.ndarray) -> np.ndarray:
+    tiny = (radii > 0) & (radii < LEAST_RADIUS)
+    if tiny.any():
+        cable = int(np.argmax(tiny))
+        raise InvalidInput(
+            f"{one.name}: found {radii[cable]:g} m in cable {cable + 1}, expected 0, for a point, or at least "
+            f"{LEAST_RADIUS:g} m"
+        )
+    return radii
+
+
+def _unit(one: Property, axes: np.ndarray) -> np.ndarray:
+    in_range(one.name, axes, -MOST_LENGTH, MOST_LENGTH, "")
+    lengths = np.linalg.norm(axes, axis=1)
+    if not lengths.min() > 0:
+        cable = int(np.argmin(lengths))
+        raise InvalidInput(f"{one.name}: found an axis of length zero in cable {cable + 1}, expected a direction")
+    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector that is written and read again stays identical
+    return axes / np.where(rounding, 1.0, lengths)[:, None]
+
+
+def _whole_parts(one: Property, parts: np.ndarray) -> np.ndarray:
+    wrong = (parts != np.round(parts)) | (parts < 1) | (parts > MOST_REEVING)
+    if wrong.any():
+        cable = int(np.argmax(wrong))
+        raise InvalidInput(
+            f"{one.name}: found {parts[cable]:g} parts of line in cable {cable + 1}, expected a whole number from 1 to "
+            f"{MOST_REEVING}"
+        )
+    return parts.astype(int)
+
+
+def _yielding(one: Property, elements: np.ndarray) -> np.ndarray:
+    wrong = (~np.isfinite(elements[..., 0]) | (elements[..., 2] > 1)).any(-1)
+    if wrong.any():
+        cable = int(np.argmax(wrong))
+        raise InvalidInput(
+            f"{one.name}: found {elements[cable].tolist()} in cable {cable + 1}, expected (share, yield strain, w) "
+            "with a finite share and w of at most 1"
+        )
+    return elements
+
+
+def _in_finite_time(one: Property, terms: np.ndarray) -> np.ndarray:
+    if not np.isfinite(terms[..., 1]).all():
+        raise InvalidInput(f"{one.name}: found an infinite time, expected terms (EA1 [N], tau1 [s]) with a finite time")
+    return terms
 
 
 @dataclass(frozen=True, eq=False)
-class Cabling(Frozen):
+class Cables:
+    """The properties of cables: the shape of each is that of its array, with a row for each cable."""
+
+    # fmt: off
+    exits: Float[np.ndarray, "cables 3"] = declared(
+        "Exit point A_i in the base frame, z up; over a pulley, where the cable first touches it.",
+        "m", key="exit", shape=(3,), checks=(within(-MOST_LENGTH, MOST_LENGTH),), image="point", known_to=EVERY,
+        label="exit {cable} {part}",
+    )
+    anchors: Float[np.ndarray, "cables 3"] = declared(
+        "Anchor point B_i in the platform frame.",
+        "m", key="anchor", shape=(3,), checks=(within(-MOST_LENGTH, MOST_LENGTH),), image="point", known_to=EVERY,
+        label="anchor {cable} {part}",
+    )
+    axial_stiffness: Float[np.ndarray, " cables"] = declared(
+        "Axial stiffness EA.", "N", checks=(above_0, within(*STIFFNESS_RANGE)), known_to=EVERY,
+        label="EA of cable {cable}", step=Step(lambda robot, strain, length: robot.axial_stiffness),
+    )
+    linear_density: Float[np.ndarray, " cables"] = declared(
+        'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
+        "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)), known_to=EVERY,
+        label="mass per length of cable {cable}", step=Step(_step_of_density, least=True),
+        example=("0.002", 'kg/m, or "material"; default: massless cables'),
+        said=("{} g/m", lambda cabling: 1e3 * cabling.linear_density),
+    )
+    stiffening: Float[np.ndarray, "cables 2"] = declared(
+        "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.",
+        "", (0.0, 0.0), shape=(2,), checks=(within(-MOST_STIFFENING, MOST_STIFFENING),), known_to=EVERY,
+        label="{part} of cable {cable}", parts=("a2", "a3"), step=Step(_step_of_law),
+        example=("[50, 0]", "(a2, a3) of tension = EA (eps + a2 eps^2 + a3 eps^3)"),
+        said=("nonlinear with a2 = {}, a3 = {}", lambda cabling: cabling.stiffening),
+    )
+    pulley_radius: Float[np.ndarray, " cables"] = declared(
+        "Radius of the wheel; 0 is a point.",
+        "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=EVERY,
+        step=Step(lambda robot, strain, length: robot.pulley_radius, path=True),
+        example=("0.02", "m"), said=("over pulleys of {} mm radius", lambda cabling: 1e3 * cabling.pulley_radius),
+    )
+    pulley_axis: Float[np.ndarray, "cables 3"] = declared(
+        "Direction in which the cable arrives, and about which the wheel swivels.",
+        "", DOWN, key="pulley.axis", shape=(3,), checks=(_unit,), image="axis", known_to=EVERY,
+        only_with="pulley_radius", example=("[0, 0, 1]", "direction in which the cable arrives: here up a mast"),
+    )
+    force_min: Float[np.ndarray, " cables"] = declared(
+        "Smallest tension that `compensate` and `sweep` keep in a cable.",
+        "N", 0.0, checks=(from_0,), image=None, known_to=EVERY,
+        example=("10", "N: smallest and largest tension that compensate and sweep keep"),
+    )
+    force_max: Float[np.ndarray, " cables"] = declared(
+        "Largest tension that a cable or its winch allows; by default no limit.",
+        "N", np.inf, image=None, known_to=EVERY, example=("700", ""),
+    )
+    breaking_load: Float[np.ndarray, " cables"] = declared(
+        "Smallest tension at which a cable breaks; by default that of its material, if known.",
+        "N", np.inf, image=None, known_to=EVERY,
+        example=("2300", "N: results report tensions above it; default: the material's"),
+    )
+    winch_to_exit: Float[np.ndarray, " cables"] = declared(
+        "Length of rope between the winch and the exit; it stretches with the cable.",
+        "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
+        example=("6", "m of rope between winch and exit, which also stretches"),
+        said=("{} m from winch to exit", lambda cabling: cabling.winch_to_exit),
+    )
+    reeving: Int[np.ndarray, " cables"] = declared(
+        "Parts of line between exit and platform, a whole number.",
+        "", 1, checks=(_whole_parts,), known_to=EVERY, example=("2", "parts of line between exit and platform"),
+        said=("{} parts of line", lambda cabling: cabling.reeving.astype(float)),
+    )
+    pulley_friction: Float[np.ndarray, " cables"] = declared(
+        "Fraction c of the tension that is lost at the exit.",
+        "", 0.0, checks=(within(0, MOST_FRICTION),), memory=True, known_to=("statics", "simulation"),
+        example=("0.02", "fraction of the tension that is lost at the exit"),
+        said=("{} % friction at the exit", lambda cabling: 100 * cabling.pulley_friction),
+    )
+    hysteresis: Float[np.ndarray, "cables elements 3"] = declared(
+        "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
+        "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
+        "", (), none=NO_ELEMENT, checks=(_yielding,), memory=True, known_to=("statics", "simulation"),
+        example=("[[0.1, 1e-3]]", "[fraction of EA, yield strain] of each element"),
+        said=("{} % of EA with hysteresis", lambda cabling: 100 * cabling.hysteresis[..., 0].sum(-1)),
+    )
+    creep: Float[np.ndarray, "cables terms 2"] = declared(
+        "Terms [EA1, tau1]: the tension T makes the cable longer by the strain T/EA1 (1 - exp(-t/tau1)).",
+        "N, s", (), none=NO_TERM, checks=(_in_finite_time,), memory=True, known_to=("statics", "simulation"),
+        example=("[[400e3, 600]]", "[EA1 in N, time in s] of each term"),
+        said=(
+            "{} % of the stretch as creep",
+            lambda cabling: 100 * (cabling.axial_stiffness[:, None] / cabling.creep[..., 0]).sum(-1),
+        ),
+    )
+    # fmt: on
+
+
+PROPERTIES = declarations(Cables)
+"""The properties of cables by name."""
+
+MEMORIES = tuple(name for name, one in PROPERTIES.items() if one.memory)
+"""Properties by which a cable has a memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cabling(Cables, Frozen):
     """The cables of one robot: what ``Robot`` is given of them, checked, with a row for each; arrays are read-only.
 
     Attributes have the names and units of the arguments of ``Robot``. ``pulley_axis`` are unit vectors. Cables with
     fewer elements of ``hysteresis`` or terms of ``creep`` than others are filled up with ``NO_ELEMENT`` and
     ``NO_TERM``.
     """
-
-    exits: Float[np.ndarray, "cables 3"]
-    anchors: Float[np.ndarray, "cables 3"]
-    axial_stiffness: Float[np.ndarray, " cables"]
-    linear_density: Float[np.ndarray, " cables"]
-    pulley_radius: Float[np.ndarray, " cables"]
-    pulley_axis: Float[np.ndarray, "cables 3"]
-    stiffening: Float[np.ndarray, "cables 2"]
-    force_min: Float[np.ndarray, " cables"]
-    force_max: Float[np.ndarray, " cables"]
-    breaking_load: Float[np.ndarray, " cables"]
-    winch_to_exit: Float[np.ndarray, " cables"]
-    reeving: Int[np.ndarray, " cables"]
-    pulley_friction: Float[np.ndarray, " cables"]
-    hysteresis: Float[np.ndarray, "cables elements 3"]
-    creep: Float[np.ndarray, "cables terms 2"]
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Cabling:
@@ -111,65 +259,13 @@ class Cabling(Frozen):
         Raises:
             InvalidInput: a field is invalid; the message names it.
         """
-        exits = checked_array("exits", given["exits"], (None, 3))
-        cables = len(exits)
+        cables = len(checked_array("exits", given["exits"], (None, 3)))
         if cables < 1:
             raise InvalidInput("exits: found no cable, expected at least one row (x, y, z)")
         if cables > MOST_CABLES:
             raise InvalidInput(f"exits: found {cables} cables, expected at most {MOST_CABLES}")
-
-        def each(name: str, *core: int) -> Float[np.ndarray, "..."]:
-            return _per_cable(name, given[name], core, cables)
-
-        values = {
-            "exits": exits,
-            "anchors": checked_array("anchors", given["anchors"], (cables, 3)),
-            "axial_stiffness": each("axial_stiffness"),
-            "linear_density": each("linear_density"),
-            "pulley_radius": each("pulley_radius"),
-            "pulley_axis": _unit(each("pulley_axis", 3)),
-            "stiffening": each("stiffening", 2),
-            "force_min": each("force_min"),
-            "force_max": _limit_per_cable("force_max", given["force_max"], cables),
-            "breaking_load": _limit_per_cable("breaking_load", given["breaking_load"], cables),
-            "winch_to_exit": each("winch_to_exit"),
-            "reeving": _parts_of_line(each("reeving")),
-            "pulley_friction": each("pulley_friction"),
-            "hysteresis": _rows_per_cable("hysteresis", given["hysteresis"], NO_ELEMENT, 2, cables),
-            "creep": _rows_per_cable("creep", given["creep"], NO_TERM, 2, cables),
-        }
-        in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
-        in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
-        if not (values["axial_stiffness"] > 0).all():
-            least = values["axial_stiffness"].min()
-            raise InvalidInput(f"axial_stiffness: found {least:g} N, expected more than 0")
-        in_range("axial_stiffness", values["axial_stiffness"], *STIFFNESS_RANGE, "N")
-        units = {"linear_density": "kg/m", "pulley_radius": "m", "force_min": "N", "winch_to_exit": "m"}
-        for name, unit in units.items():
-            cable = int(np.argmin(values[name]))
-            if values[name][cable] < 0:
-                raise InvalidInput(
-                    f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
-                )
-        refuse_far("pulley_radius", values["pulley_radius"])
-        refuse_far("winch_to_exit", values["winch_to_exit"])
-        tiny = (values["pulley_radius"] > 0) & (values["pulley_radius"] < LEAST_RADIUS)
-        if tiny.any():
-            cable = int(np.argmax(tiny))
-            raise InvalidInput(
-                f"pulley_radius: found {values['pulley_radius'][cable]:g} m in cable {cable + 1}, expected 0, for a "
-                f"point, or at least {LEAST_RADIUS:g} m"
-            )
-        in_range("linear_density", values["linear_density"], 0, MOST_DENSITY, "kg/m")
-        in_range("stiffening", values["stiffening"], -MOST_STIFFENING, MOST_STIFFENING, "")
-        above = values["force_min"] > values["force_max"]
-        if above.any():
-            cable = int(np.argmax(above))
-            raise InvalidInput(
-                f"force_min: found {values['force_min'][cable]:g} N above force_max, {values['force_max'][cable]:g} N, "
-                f"in cable {cable + 1}; expected force_min <= force_max"
-            )
-        made = cls(**values)
+        made = cls(**{name: one.rows(given[name], cables) for name, one in PROPERTIES.items()})
+        _refuse_crossed_limits(made)
         _refuse_falling_law(made.stiffening)
         _refuse_impossible_memory(made)
         return made
@@ -178,9 +274,14 @@ class Cabling(Frozen):
         return len(self.exits)
 
     @cached_property
+    def with_mass(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have mass, (cables,)."""
+        return self.linear_density > 0
+
+    @cached_property
     def massless(self) -> bool:
         """Whether no cable has mass."""
-        return not self.linear_density.any()
+        return not self.with_mass.any()
 
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
@@ -188,9 +289,14 @@ class Cabling(Frozen):
         return self.pulley_radius > 0
 
     @cached_property
+    def nonlinear(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have a tension that is not proportional to their strain, (cables,)."""
+        return np.asarray(self.stiffening.any(-1))
+
+    @cached_property
     def linear(self) -> bool:
         """Whether every cable's tension is proportional to its strain."""
-        return not self.stiffening.any()
+        return not self.nonlinear.any()
 
     @cached_property
     def bent(self) -> bool:
@@ -218,26 +324,55 @@ class Cabling(Frozen):
             )
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
-        """Which cables have a memory of this kind, one of ``MEMORIES``, (cables,)."""
-        if name == "pulley_friction":
-            return self.pulley_friction > 0
-        rows = self.hysteresis[..., 0] > 0 if name == "hysteresis" else np.isfinite(self.creep[..., 0])
-        return np.asarray(rows.any(-1))
+        """Which cables have this property, (cables,): not as by default, and not without an effect."""
+        name = PROPERTIES[name].only_with or name
+        return PROPERTIES[name].in_effect(getattr(self, name))
+
+    def refuse_unknown(self, method: Method, what: str = "robot") -> None:
+        """Refuse the properties that a method does not take into account.
+
+        Raises:
+            InvalidInput: some cable has one of them.
+        """
+        for name in (one.name for one in PROPERTIES.values() if method not in one.known_to):
+            if self.has(name).any():
+                raise InvalidInput(
+                    f"{what}: found {name} in cable {int(np.argmax(self.has(name))) + 1}, expected cables without: "
+                    f"{method} does not take it into account"
+                )
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3.
+        """The law of each rope, of ``cable_law``: axial stiffness [N], a2, a3.
 
         Raises:
             InvalidInput: cables with a memory, which have another law.
         """
+        self.refuse_unknown("statics")
         self.refuse_memory()
-        return self.axial_stiffness, *self.stiffening.T
+        return self.law_of(self.axial_stiffness)
+
+    def law_of(self, axial_stiffness: Float[np.ndarray, "*batch cables"]) -> tuple[Float[np.ndarray, "..."], ...]:
+        """The law of ropes of this axial stiffness [N], apart from their memory."""
+        return axial_stiffness, *self.stiffening.T
+
+    def pulls(self, tensions: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """Of the tensions of ropes the forces on the platform, with all parts of line, (..., cables) [N]."""
+        return self.reeving * tensions
+
+    def tensions(self, pulls: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """Of the forces on the platform, with all parts of line, the tensions of ropes, (..., cables) [N]."""
+        return pulls / self.reeving
+
+    @cached_property
+    def reeved(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have rope behind their exit or several parts of line, (cables,)."""
+        return self.has("winch_to_exit") | self.has("reeving")
 
     @cached_property
     def direct(self) -> bool:
         """Whether every cable is wound at its exit and has one part of line."""
-        return not self.winch_to_exit.any() and bool((self.reeving == 1).all())
+        return not self.reeved.any()
 
     @cached_property
     def behind(self) -> Float[np.ndarray, " cables"]:
@@ -248,6 +383,11 @@ class Cabling(Frozen):
         g/n lies behind the exit: the strain n (l − l0)/(n l0 + g) is (l − l0)/(l0 + g/n), and n tau pulls.
         """
         return frozen(self.winch_to_exit / self.reeving)
+
+    @property
+    def added(self) -> Float[np.ndarray, " cables"]:
+        """What stretches besides the rest length, for each part of line, (cables,) [m]."""
+        return self.behind
 
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.
@@ -270,12 +410,16 @@ class Cabling(Frozen):
             lengths: stretched lengths [m].
             rest_lengths: unstretched lengths [m].
         """
-        behind = MOST_STRAIN * self.behind
-        return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
+        return self.nonlinear & (lengths > (1 + MOST_STRAIN) * rest_lengths + MOST_STRAIN * self.added)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
-        """``Robot.cable_table`` of the cables without their weight, for what does not depend on it."""
+        """``Robot.cable_table`` of the cables without their weight, for what does not depend on it.
+
+        Raises:
+            InvalidInput: cables with a property that statics does not know.
+        """
+        self.refuse_unknown("statics")
         return frozen(
             np.column_stack(
                 [
@@ -294,68 +438,23 @@ class Cabling(Frozen):
 
     def same_as(self, other: Cabling) -> bool:
         """Whether both describe identical cables, to the last bit; force limits are not compared."""
-        names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max", "breaking_load"}
+        names = [name for name, one in PROPERTIES.items() if one.image]
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 
-def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
-    """A row for each cable, from one row for all or one row each."""
-    array = checked_array(field, value, None)
-    if array.shape != core:
-        array = checked_array(field, array, (cables, *core))
-    return np.broadcast_to(array, (cables, *core)).copy()
-
-
-def _parts_of_line(parts: Float[np.ndarray, " cables"]) -> Int[np.ndarray, " cables"]:
-    """``reeving``, checked to be a whole number for each cable."""
-    wrong = (parts != np.round(parts)) | (parts < 1) | (parts > MOST_REEVING)
-    if wrong.any():
-        cable = int(np.argmax(wrong))
+def _refuse_crossed_limits(cabling: Cabling) -> None:
+    above = cabling.force_min > cabling.force_max
+    if above.any():
+        cable = int(np.argmax(above))
         raise InvalidInput(
-            f"reeving: found {parts[cable]:g} parts of line in cable {cable + 1}, expected a whole number from 1 to "
-            f"{MOST_REEVING}"
+            f"force_min: found {cabling.force_min[cable]:g} N above force_max, {cabling.force_max[cable]:g} N, in "
+            f"cable {cable + 1}; expected force_min <= force_max"
         )
-    return parts.astype(int)
-
-
-def _rows_per_cable(
-    field: str, value: Rows, none: tuple[float, ...], least: int, cables: int
-) -> Float[np.ndarray, "cables rows columns"]:
-    """Rows for each cable, filled up with ``none``; of a row's numbers ``least`` or all are given."""
-    expected = f"rows of {' or '.join(str(n) for n in range(least, len(none) + 1))} numbers, for all cables or for each"
-    outer = [listed(field, one, expected) for one in listed(field, value, expected)]
-    common = all(np.ndim(number) == 0 for one in outer for number in one)
-    if not common and len(outer) != cables:
-        raise InvalidInput(f"{field}: found rows of {len(outer)} cables, expected those of {cables}")
-    each = [outer if any(outer) else []] * cables if common else outer
-    most = max((len(rows) for rows in each), default=0)
-    if most > MOST_ELEMENTS:
-        raise InvalidInput(f"{field}: found {most} rows for one cable, expected at most {MOST_ELEMENTS}")
-    filled = np.tile(np.array(none), (cables, most, 1))
-    for cable, rows in enumerate(each):
-        for number, row in enumerate(rows):
-            numbers = as_numbers(field, row)
-            if numbers.ndim != 1 or not least <= len(numbers) <= len(none):
-                raise InvalidInput(f"{field}: found a row of shape {numbers.shape}, expected {expected}")
-            if not (numbers > 0).all() and not np.array_equal(numbers, none[: len(numbers)]):
-                raise InvalidInput(f"{field}: found {numbers.tolist()} in cable {cable + 1}, expected numbers above 0")
-            filled[cable, number, : len(numbers)] = numbers
-    used = (filled != np.array(none)).any(-1).any(0)
-    return filled[:, used]
 
 
 def _refuse_impossible_memory(cabling: Cabling) -> None:
-    """Check the ranges of friction, hysteresis and creep; and that a cable that gets longer pulls more."""
-    in_range("pulley_friction", cabling.pulley_friction, 0, MOST_FRICTION, "")
+    """Check that a cable that gets longer pulls more."""
     shares, _, widths = np.moveaxis(cabling.hysteresis, -1, 0)
-    if not np.isfinite(shares).all() or (widths > 1).any():
-        cable = int(np.argmax((~np.isfinite(shares) | (widths > 1)).any(-1)))
-        raise InvalidInput(
-            f"hysteresis: found {cabling.hysteresis[cable].tolist()} in cable {cable + 1}, expected (share, yield "
-            "strain, w) with a finite share and w of at most 1"
-        )
-    if not np.isfinite(cabling.creep[..., 1]).all():
-        raise InvalidInput("creep: found an infinite time, expected terms (EA1 [N], tau1 [s]) with a finite time")
     lost = cabling.pulley_friction / (1 + cabling.pulley_friction**2 / 4)
     steepness = np.minimum(_least_slope(cabling.stiffening), 1.0)
     given_way = (shares * (1 + widths)).sum(-1)
@@ -368,33 +467,12 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
             f"{1 - left[cable] / steepness[cable]:.4g} in cable {cable + 1}, expected less than 1{lowest}: the tension "
             "could fall while the cable gets longer"
         )
-    bent = (cabling.linear_density > 0) & cabling.stiffening.any(-1) & cabling.has("hysteresis")
+    bent = cabling.with_mass & cabling.nonlinear & cabling.has("hysteresis")
     if bent.any():
         raise InvalidInput(
             f"hysteresis: found it in cable {int(np.argmax(bent)) + 1} together with mass and a nonlinear law, "
             "expected at most two of the three"
         )
-
-
-def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:
-    """The same for upper limits, which must be positive and may be infinite."""
-    given = as_numbers(field, value)
-    none = np.isposinf(given)
-    limits = _per_cable(field, np.where(none, 1.0, given), (), cables)
-    if not limits.min() > 0:
-        cable = int(np.argmin(limits))
-        raise InvalidInput(f"{field}: found {limits[cable]:g} N in cable {cable + 1}, expected more than 0")
-    return np.where(none, np.inf, limits)
-
-
-def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
-    in_range("pulley_axis", axes, -MOST_LENGTH, MOST_LENGTH, "")
-    lengths = np.linalg.norm(axes, axis=1)
-    if not lengths.min() > 0:
-        cable = int(np.argmin(lengths))
-        raise InvalidInput(f"pulley_axis: found an axis of length zero in cable {cable + 1}, expected a direction")
-    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector that is written and read again stays identical
-    return axes / np.where(rounding, 1.0, lengths)[:, None]
 
 
 def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:

@@ -8,11 +8,13 @@ Functions of coordinates work on arrays and, compiled, on numbers alike.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.compiling import inline, of_one_number, outlined
+from cdpr_sim.core.compiling import for_kernels, inline
 
 
 @inline
@@ -27,7 +29,7 @@ def path(x, y, z):
     return length, x, y, z, length
 
 
-@outlined
+@inline
 def pulley_path(x, y, z, ex, ey, ez, radius):
     """Path over a swivelling wheel: (length, free segment, its length, across, bend, wrap angle, clear).
 
@@ -75,23 +77,41 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     )
 
 
-@of_one_number
+FIRST_THIRD, MIDDLE, SECOND_THIRD = (math.tan(part * math.pi / 16) for part in (1, 2, 3))
+"""Bounds between angles near 0, near 22.5° and near 45°, and the second of these, as slopes. The series of
+``wrap_angle`` is exact to rounding up to the first."""
+
+
+@for_kernels(lambda condition, one, other: one if condition else other, forceinline=True)
+def where(condition, one, other):
+    """``one`` where the condition is true, ``other`` elsewhere; of numbers, a number."""
+    return np.where(condition, one, other)[()]
+
+
+@inline
 def wrap_angle(sine, cosine, height):
-    """Wrap angle of a cable over a wheel, from 0 to 270°; where it has left the wheel, from −90° to 360°."""
-    angle = angle_of(sine, cosine)
-    return angle + 2 * np.pi * ((angle < 0) & (height < 0))
+    """Wrap angle of a cable over a wheel, from 0 to 270°; where it has left the wheel, from −90° to 360°.
 
-
-def angle_of(sine, cosine):
-    """``np.arctan2`` with the same last digit on every processor, since rest lengths are written into models.
-
-    ``np.arctan2`` has other code where there is AVX-512. The complex logarithm calls the C library, as compiled code
-    does.
+    By the series of atan((y − c x)/(x + c y)) = atan(y/x) − atan(c), c the nearest of 0, tan 22.5° and 1. Without a
+    branch or a call, so that compiled code has several cables at once; and with the same last digit on every processor,
+    which ``np.arctan2`` has not, since rest lengths are written into models.
     """
-    return np.log(cosine + 1j * sine).imag
-
-
-of_one_number(angle_of, lambda sine, cosine: np.arctan2(sine, cosine))
+    tall, wide = abs(sine), abs(cosine)
+    upright = tall > wide
+    y, x = where(upright, wide, tall), where(upright, tall, wide)
+    steep, middle = y > SECOND_THIRD * x, y > FIRST_THIRD * x
+    c = where(steep, 1.0, where(middle, MIDDLE, 0.0))
+    z = (y - c * x) / (x + c * y)
+    q = z * z
+    series = 1 / 19 - q * (1 / 21)
+    series = 1 / 15 - q * (1 / 17 - q * series)
+    series = 1 / 11 - q * (1 / 13 - q * series)
+    series = 1 / 7 - q * (1 / 9 - q * series)
+    series = 1 / 3 - q * (1 / 5 - q * series)
+    angle = where(steep, 0.25 * np.pi, where(middle, 0.125 * np.pi, 0.0)) + z * (1.0 - q * series)
+    angle = where(upright, 0.5 * np.pi - angle, angle)
+    angle = where(cosine < 0, np.pi - angle, angle)
+    return where(sine < 0, where(height < 0, 2 * np.pi, 0.0) - angle, angle)
 
 
 def paths(cabling: Cabling, chords: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
@@ -124,6 +144,33 @@ def wrapped_lengths(
 ) -> Float[np.ndarray, "*batch cables"]:
     """What lies on each cable's wheel [m], by where its exit is from its anchor; 0 where it has no path."""
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
+
+
+def wheel(
+    cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"], float, float]:
+    """The wheel of a cable to ``anchor``, base frame [m], turned towards it.
+
+    Its centre; the unit vector from the pulley's axis to the centre; the axis, the direction in which the cable
+    arrives; the radius [m]; and the angle over which the cable lies on it [rad], nan if the anchor lies within it.
+    """
+    exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
+    with np.errstate(invalid="ignore"):
+        *_, x, y, z, _, wrap, _ = pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
+    outwards = np.cross([x, y, z], axis)
+    return exit_ + radius * outwards, outwards, axis, radius, float(wrap)
+
+
+def leaves_wheel(
+    cabling: Cabling, directions: Float[np.ndarray, "*batch cables 3"]
+) -> tuple[Float[np.ndarray, "*batch cables 3"], Float[np.ndarray, "*batch cables"]]:
+    """Where cables that leave their wheels along unit vectors do so, from their exits; and the lengths before [m]."""
+    axis, radius = cabling.pulley_axis, cabling.pulley_radius
+    cosine = (directions * axis).sum(-1)[..., None]
+    outwards = directions - cosine * axis
+    sine = np.linalg.norm(outwards, axis=-1, keepdims=True)
+    points = radius[:, None] * ((1 - cosine) * outwards / sine + sine * axis)
+    return points, radius * np.arctan2(sine, cosine)[..., 0]
 
 
 def swivel_angles(

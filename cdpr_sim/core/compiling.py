@@ -1,61 +1,114 @@
-"""Late compilation: a few elements are interpreted by Python, from the same source that is compiled for more.
+"""Late compilation by Numba: a few elements are interpreted by Python, more are compiled, from the same source.
 
 Numba takes seconds to compile code that Python interprets in a millisecond or two, and more time to be imported and to
-load compiled code. So a ``Kernel`` is interpreted for its first few elements, and compiled when more are evaluated.
-Threads that need the same compiled function wait for the first of them; processes do not wait for each other.
+load compiled code. So a ``Kernel`` is interpreted for its first few elements, and compiled when more are evaluated. The
+answers are the same to the last bit. With ``INTERPRETED``, nothing is compiled.
+
+Only Numba's public functions are used: ``njit(cache=True)``, ``numba.extending.overload`` and ``numba.config``, whose
+CACHE_DIR is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code is the text of one file, but
+kernels consist of several; so each version of the package's sources has its own folder (``place``). Code that cannot be
+loaded, say from a truncated file, is removed and compiled anew; where none can be kept, each process compiles.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import inspect
 import logging
 import math
 import os
+import platform
 import re
+import shutil
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
-from functools import cached_property
-from typing import Any, NamedTuple, cast
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from cdpr_sim.core import code_cache
 from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.locks import holding
+
+INTERPRETED = False
+"""Whether Python interprets kernels however many elements they get. For tests, and ``scripts/dev/mutate.py``."""
 
 FEW = 100
 """Elements that a kernel interprets, in each process: as many as a command or a first try evaluates. At two to four
 milliseconds each, that takes as long as to import Numba and to load compiled code, and a thirtieth of compiling."""
 
-PARTS, WHOLE = 1, 2
-"""Optimisation levels of LLVM: each function that a kernel calls is compiled separately first, and again within the
-kernel. Higher levels take longer to compile, and the kernels are no faster."""
-
-LANES_FROM = 1000
-"""Elements from which on they are evaluated eight at a time (``lanes``), of kernels that can. For fewer, loading that
-code takes longer than it saves. It is also the least number in a piece that threads evaluate, so that the
-pieces of a batch are evaluated as the whole is."""
-
-WIDTH = 8
-"""Numbers in ``lanes.Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""
+PIECE = 1000
+"""Least number of elements that are worth a thread."""
 
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
-is raised."""
+is raised. Code that takes longer than the first to load is being compiled anew, and that is logged, too."""
 
+STRIDE = 1016
+"""Numbers from one row of a scratch array to the next: as many as a robot may have cables, and an odd number of cache
+lines. A constant, so that the compiler knows that rows do not overlap: then it computes two to eight cables at once."""
+
+ROWS = 160
+"""Rows of a scratch array; ``cable_kernel`` says what they are."""
+
+SOURCES = (
+    "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py",
+    "core/locks.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/contraction_kernel.py",
+    "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py", "proof/search_kernel.py",
+    "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py", "statics/catenary.py",
+    "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py", "statics/newton_kernel.py",
+    "statics/roots_kernel.py", "statics/stiffness_kernel.py",
+)  # fmt: skip
+"""Modules that are compiled, and all that they import from this package; a test checks that the list is complete."""
+
+_PACKAGE = Path(__file__).parents[1]
 _log = logging.getLogger("cdpr_sim")
 _called_by_kernels: list[Callable[[], None]] = []
-_cut_off = False
-
+_own = threading.local()
 _threads = threading.RLock()
 """Held by the thread that compiles or loads."""
+_cut_off = False
+
+
+def for_kernels(code: Callable | None = None, **options: Any) -> Callable:
+    """Decorator of functions that compiled ones call: they stay Python, and are compiled into their callers.
+
+    Args:
+        code: what is compiled in place of a function of arrays.
+        options: of ``numba.njit``.
+    """
+
+    def register(function: Callable) -> Callable:
+        def compile() -> None:
+            from numba.extending import overload
+
+            how: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
+            overload(function, jit_options=how, strict=False)(lambda *_: code or function)
+
+        _called_by_kernels.append(compile)
+        return function
+
+    return register
+
+
+inline = for_kernels(forceinline=True)
+"""The same for functions whose call would take longer than their work."""
+
+outlined = for_kernels(forceinline=False)
+"""The same for longer functions, which are compiled once and not into each of their callers."""
 
 
 class Compiled:
-    """A function as machine code, compiled or loaded at its first use."""
+    """A function as machine code, compiled or loaded at its first use.
+
+    Attributes:
+        folder: name of the folder where the code is kept.
+    """
 
     def __init__(self, what: str, function: Callable, signature: str, **options: Any) -> None:
         """Stores the arguments; nothing is compiled yet.
@@ -67,273 +120,201 @@ class Compiled:
             options: of ``numba.njit``.
         """
         self._what, self._function, self._signature, self._options = what, function, signature, options
-        # Numba names machine code after this: with one name, code that two processes compiled counts as the same code.
-        function.__qualname__ = f"{function.__name__}_{_as_name(what)}"
+        self.folder = re.sub(r"[^a-z]+", "_", what)
         self._compiled: Any = None
 
     @property
     def compiled(self) -> Any:
-        """Machine code.
+        """Machine code, as a function with ``inspect_asm`` and what else Numba gives it.
 
         Raises:
             CdprError: this process can compile nothing: it was forked while another thread imported Numba.
-            StoreError: machine code can be kept nowhere.
         """
+        if INTERPRETED:
+            return self._function
         if self._compiled is None:
             import_numba()
             holding(_threads, self._fetch)
         return self._compiled
 
     def _fetch(self) -> None:
-        if self._compiled is None:
-            self._compiled = code_cache.fetch(_as_name(self._what), self._build, self._compile)
-
-    def _compile(self) -> Any:
-        _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)
+        if self._compiled is not None:
+            return
         while _called_by_kernels:
             _called_by_kernels[-1]()  # removed only afterwards: Ctrl-C may interrupt between the two
             _called_by_kernels.pop()
-        return self._build()
+        home = place()
+        kept = home and home / self.folder
+        try:
+            self._compiled = self._build(kept)
+        except Exception as error:  # of any kind: pickle, Numba and LLVM read the files
+            if not kept or not kept.is_dir():
+                raise
+            _log.warning("cdpr_sim: the compiled code in %s cannot be used, and is removed: %r", kept, error)
+            shutil.rmtree(kept, ignore_errors=True)
+            self._compiled = self._build(None if kept.is_dir() else kept)
 
-    def _build(self) -> Any:
+    def _build(self, kept: Path | None) -> Any:
+        """Load the code from a folder, or compile it and keep it there."""
         import numba
 
-        return numba.njit(self._signature, cache=True, **self._options)(self._function)
+        if numba.config.DISABLE_JIT:
+            return self._function
+        theirs = numba.config.CACHE_DIR
+        try:
+            numba.config.CACHE_DIR = str(kept or "")
+            code: Any = numba.njit(cache=kept is not None, **self._options)(self._function)
+        finally:
+            numba.config.CACHE_DIR = theirs
+        say = functools.partial(
+            _log.warning, "cdpr_sim compiles its %s: up to a minute, once on this machine", self._what
+        )
+        later = threading.Timer(PATIENCE[0], say)  # Numba may take kept code for that of another date or processor
+        if kept and any(kept.glob("*/*.nbc")):
+            later.start()
+        else:
+            say()
+        try:
+            code.compile(self._signature)
+        except OSError as error:
+            if not code.signatures:
+                raise
+            _log.warning("cdpr_sim: the compiled code cannot be kept in %s: %s", kept, error.strerror or error)
+        finally:
+            later.cancel()
+        code.disable_compile()  # for other types of arguments
+        return code
 
 
 class Kernel(Compiled):
-    """A function of one element as a NumPy generalised ufunc: it broadcasts and, compiled, releases the GIL.
+    """A function of many elements at once, which broadcasts and releases Python's lock.
+
+    Its Python function gets all inputs, each with two axes of elements (rows, columns), a scratch array, and the
+    results, which have these axes, too, and which it fills in.
 
     Attributes:
         axes: number of axes that each input has for one element.
     """
 
     def __init__(
-        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (),
-        lanes: Callable[[], Callable] | None = None, alike: tuple[str, ...] = (), finish: Callable | None = None,
-    ) -> None:  # fmt: skip
+        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (), alike: tuple[str, ...] = ()
+    ) -> None:
         """Stores the arguments; nothing is compiled yet.
 
         Args:
             what: name of the compiled code in messages.
-            function: of one element's inputs and results, which it fills in; scalars are arrays of one entry.
+            function: the function; its arguments are the inputs, ``scratch`` and the results.
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
-            lanes: makes the code that evaluates ``LANES_FROM`` elements and more, on lanes: of the inputs, each with
-                two axes of elements, which may be broadcast; the arrays of a ``lanes.Room``; and the results, which
-                have these axes, too, and are to be filled in.
-            alike: names of inputs that are the same for all elements, which that code takes without these axes.
-            finish: function of this kernel, those inputs and those results, which completes the results.
+            alike: names of inputs that are the same for all elements; the function takes them without axes of elements.
         """
-        super().__init__(what, function, layout)
-        self._left, self._lanes, self._alike, self._finish = FEW, lanes, alike, finish
-        kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
+        names = [name for name in inspect.signature(function).parameters if name != "scratch"]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
-        arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")
-        self._names = list(inspect.signature(function).parameters)[:inputs]
-        self._inputs, self._results = arguments[:inputs], arguments[inputs:]
-        self.axes = tuple(len(dims) for _, dims in self._inputs)
+        kinds = [np.dtype("int64" if name in integers else "float64") for name in names]
+        arguments = [(kind, dims, name in alike) for name, kind, dims in zip(names, kinds, core, strict=True)]
+        inputs = layout.split("->")[0].count("(")
+        self._inputs, self._results, self._left = arguments[:inputs], arguments[inputs:], FEW
+        self.axes = tuple(len(dims) for _, dims, _ in self._inputs)
+        types = []
+        for kind, dims, same in self._inputs:
+            axes = len(dims) + 2 * (not same)
+            types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else str(kind))
+        types.append("float64[::1]")
+        types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims, _ in self._results]
+        super().__init__(what, function, f"void({', '.join(types)})", error_model="numpy", nogil=True)
 
     def __call__(self, *inputs: Any) -> Any:
-        """Evaluate each element: interpreted for the first few, on lanes if there are many, else compiled."""
-        if self._compiled is None or self._lanes is not None:
-            arrays = zip(map(np.asarray, inputs), self.axes, strict=True)
-            loops = [array.shape[: array.ndim - own] for array, own in arrays if array.ndim > own]
-            loop = np.broadcast_shapes(*loops) if loops else ()
-            count = math.prod(loop)
-            if self._lanes is not None and count >= LANES_FROM:
-                return self._on_lanes(loop, *inputs)
-            if self._compiled is None and count <= self._left:
-                self._left -= count
-                return self._interpreted(loop, *inputs)
-        return self.compiled(*inputs)
-
-    def compiled_for_all(self, *inputs: Any) -> Any:
-        """Evaluate all elements on lanes if this kernel can, however few they are, else compiled."""
-        if self._lanes is None:
-            return self.compiled(*inputs)
-        return self._on_lanes(np.shape(inputs[-1])[: -self.axes[-1]], *inputs)
-
-    def _build(self) -> Any:
-        import numba
-
-        types = [f"{kind}[{', '.join(':' * len(dims))}]" if dims else kind for kind, dims in self._inputs]
-        types += [f"{kind}[{', '.join(':' * len(dims) or ':')}]" for kind, dims in self._results]
-        gufunc = numba.guvectorize(self._signature, cache=True)(self._function)
-        with _optimised(PARTS):
-            gufunc.add(f"void({', '.join(types)})")
-        with _optimised(WHOLE):
-            return gufunc.build_ufunc().ufunc
-
-    @cached_property
-    def _of_many(self) -> Compiled:
-        types = []
-        for name, (kind, dims) in zip(self._names, self._inputs, strict=True):
-            axes = len(dims) + 2 * (name not in self._alike)
-            types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else kind)
-        types += ["float64[::1]", "uint8[::1]"]
-        types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims in self._results]
-        code, signature = cast(Any, self._lanes)(), f"void({', '.join(types)})"
-        return Compiled(f"{self._what}, eight at a time", code, signature, error_model="numpy", nogil=True)
-
-    def _on_lanes(self, loop: tuple[int, ...], *inputs: Any) -> Any:
-        import_numba()
-        sizes, whole, pieces = {}, [], (math.prod(loop[:-1]), loop[-1])
-        for name, value, (kind, dims) in zip(self._names, inputs, self._inputs, strict=True):
+        """Evaluate each element: interpreted for the first few, else compiled."""
+        arrays, shapes, sizes, given = [], set(), {}, []
+        for value, (kind, dims, same) in zip(inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
-            core = array.shape[array.ndim - len(dims) :]
-            sizes |= zip(dims, core, strict=True)
-            if name not in self._alike:
-                array = np.broadcast_to(array, loop + core).reshape(pieces + core)
-            whole.append(array if array.ndim else array[()])
-        results = [np.empty([*pieces, *(sizes[name] for name in dims)], kind) for kind, dims in self._results]
-        self._of_many.compiled(*whole, *memory_of_lanes(sizes["m"]), *results)
-        if self._finish is not None:
-            self._finish(self, whole, results)
-        results = [column.reshape(loop + column.shape[2:]) for column in results]
-        return tuple(results) if len(results) > 1 else results[0]
-
-    def _interpreted(self, loop: tuple[int, ...], *inputs: Any) -> Any:
-        sizes, elements = {"one": 1}, []
-        for value, (kind, dims) in zip(inputs, self._inputs, strict=True):
-            array = np.asarray(value, kind)
-            shape = array.shape[array.ndim - len(dims) :]
-            sizes |= zip(dims, shape, strict=True)
-            elements.append(np.broadcast_to(array, loop + shape))
-        results = [np.empty([*loop, *(sizes[name] for name in dims or ["one"])], kind) for kind, dims in self._results]
-        for at in np.ndindex(*loop):
-            self._function(*(array[at] for array in elements), *(array[at] for array in results))
-        results = [
-            array if dims else array[..., 0][()] for array, (_, dims) in zip(results, self._results, strict=True)
-        ]
+            before = array.ndim - len(dims)
+            sizes |= zip(dims, array.shape[before:], strict=True)
+            arrays.append(array)
+            if before and not same:
+                shapes.add(array.shape[:before])
+        loop = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
+        pieces = (math.prod(loop[:-1]), loop[-1]) if loop else (1, 1)
+        for array, (_, dims, same) in zip(arrays, self._inputs, strict=True):
+            before = array.ndim - len(dims)
+            shape, core = array.shape[:before], array.shape[before:]
+            if same:
+                given.append(array if dims else array[()])
+            elif shape == loop:
+                given.append(array.reshape(pieces + core))
+            elif math.prod(shape) == 1:  # without a copy, however many axes there are
+                given.append(np.broadcast_to(array.reshape(core), pieces + core))
+            else:
+                given.append(np.broadcast_to(array, loop + core).reshape(pieces + core))
+        results = [np.empty([*pieces, *(sizes[name] for name in dims)], kind) for kind, dims, _ in self._results]
+        count = math.prod(loop)
+        if INTERPRETED or (self._compiled is None and count <= self._left):
+            self._left -= count
+            code = self._function
+        else:
+            code = self.compiled
+        code(*given, scratch(), *results)
+        results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]
 
 
-def for_kernels(**options: Any) -> Callable:
-    """Decorator of functions that compiled ones call: they stay Python, and are compiled into their callers.
+def scratch() -> np.ndarray:
+    """Memory for a kernel, of this thread: rows of ``STRIDE`` numbers."""
+    if not hasattr(_own, "scratch"):
+        _own.scratch = np.zeros(ROWS * STRIDE)
+    return _own.scratch
 
-    Args:
-        options: options of ``numba.njit``.
+
+def place() -> Path | None:
+    """The first folder that can be written, for code of this version and processor; None if there is none."""
+    return _place(os.environ.get("NUMBA_CACHE_DIR", ""))
+
+
+@functools.cache
+def _place(given: str) -> Path | None:
+    mine = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:16]
+    places = [Path(given) / "cdpr_sim" / mine] if given else []
+    places.append(_PACKAGE / "__pycache__" / "compiled")
+    home = Path(os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache"))
+    if home.is_absolute():  # a relative one is not the user's home
+        places.append(home / "cdpr_sim" / mine)
+    for one in places:
+        folder = one / digest() / compiler()
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+            for stale in set(one.iterdir()) - {folder.parent}:  # of other sources
+                shutil.rmtree(stale, ignore_errors=True)
+            return folder
+    _log.warning("cdpr_sim: compiled code is kept nowhere: set NUMBA_CACHE_DIR to a folder that can be written")
+    return None
+
+
+@functools.cache
+def digest() -> str:
+    """Hash of all sources that are compiled."""
+    state = hashlib.sha256()
+    for name in SOURCES:
+        state.update(name.encode() + b"\0" + (_PACKAGE / name).read_bytes())
+    return state.hexdigest()[:16]
+
+
+@functools.cache
+def compiler() -> str:
+    """Hash of what else decides about machine code: versions of the compiler, its settings, and the processor.
+
+    Numba's own index knows most of them, but two processes of different processors would mix up its files.
     """
+    from importlib.metadata import version
 
-    def register(function: Callable) -> Callable:
-        _called_by_kernels.append(lambda: compile_as(function, lambda *_: function, **options))
-        return function
-
-    return register
-
-
-inline = for_kernels(forceinline=True)
-"""The same for functions whose call would take longer than their work."""
-
-outlined = for_kernels()
-"""The same for functions that are rarely called."""
-
-
-def by_type(default: Callable) -> Any:
-    """Decorator like ``inline`` of a function that has another coding for some types of its first argument.
-
-    Those types are named tuples; ``of(Kind)``, an attribute of the result, decorates the coding for them. Compiled, the
-    choice has no cost.
-    """
-    codings: dict[type, Callable] = {}
-
-    def function(first, *others):
-        return codings.get(type(first), default)(first, *others)
-
-    def of(*kinds: type) -> Callable:
-        def register(coding: Callable) -> Callable:
-            codings.update(dict.fromkeys(kinds, coding))
-            return coding
-
-        return register
-
-    _called_by_kernels.append(
-        lambda: compile_as(
-            function, lambda first, *_: codings.get(first.instance_class, default), True, forceinline=True
-        )
-    )
-    cast(Any, function).of = of
-    return function
-
-
-def of_one_number(function: Callable, code: Callable | None = None) -> Callable:
-    """Decorator like ``inline`` of functions of numbers or truth values, which ``lanes`` defines for eight.
-
-    Args:
-        function: the function.
-        code: is compiled in its place, if given.
-    """
-
-    def choose(first: Any, *_: Any) -> Callable | None:
-        from numba import types
-
-        return (code or function) if isinstance(first, types.Number | types.Boolean) else None
-
-    _called_by_kernels.append(lambda: compile_as(function, choose, forceinline=True))
-    return function
-
-
-@of_one_number
-def where(condition, one, other):
-    """``one`` where the condition is true, and ``other`` elsewhere; both are evaluated."""
-    return one if condition else other
-
-
-@of_one_number
-def nowhere(condition):
-    """True if the condition is true of no problem that is being solved: then its consequences need no work."""
-    return not condition
-
-
-class Heap(NamedTuple):
-    """Where arrays of numbers are made, one by one; arrays of lanes are made in a ``lanes.Room``.
-
-    width: numbers in an entry.
-    """
-
-    width: int
-
-
-HEAP = Heap(1)
-
-
-@by_type
-def vector(room, length):
-    """A vector that is to be filled in."""
-    return np.empty(length)
-
-
-@by_type
-def matrix(room, rows, columns):
-    """A matrix that is to be filled in."""
-    return np.empty((rows, columns))
-
-
-@by_type
-def truths(room, length):
-    """A vector of truth values that is to be filled in."""
-    return np.empty(length, np.bool_)
-
-
-def memory_of_lanes(cables: int) -> tuple[np.ndarray, np.ndarray]:
-    """Memory of a ``lanes.Room`` for any kernel and so many cables; entries begin at multiples of their size.
-
-    The solver needs 56 entries for each cable and 145, the balance of forces cables² + 49 cables + 54.
-    """
-    numbers = np.zeros((cables * cables + 64 * cables + 260) * WIDTH)
-    return numbers[-(numbers.ctypes.data // 8) % WIDTH :], np.zeros(3 * cables, np.uint8)
-
-
-def compile_as(function: Callable, choose: Callable, literal: bool = False, **options: Any) -> None:
-    """Make Numba compile the function that ``choose`` returns, where a kernel calls ``function``.
-
-    With ``literal``, it knows the values of arguments that are written as numbers.
-    """
-    from numba.extending import overload
-
-    how: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
-    overload(function, jit_options=how, strict=False, prefer_literal=literal)(choose)
+    state = [version("numba"), version("llvmlite"), platform.machine(), platform.processor()]
+    settings = {name for name in os.environ if name.startswith("NUMBA_")} - {"NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS"}
+    state += [f"{name}={os.environ[name]}" for name in sorted(settings)]
+    with suppress(OSError):  # of Linux
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        state += sorted({line for line in lines if line.startswith(("model name", "flags", "Features", "CPU part"))})
+    return hashlib.sha256("\n".join(state).encode()).hexdigest()[:16]
 
 
 def import_numba() -> None:
@@ -373,18 +354,6 @@ def import_numba() -> None:
 
 def _being_imported() -> bool:
     return getattr(getattr(sys.modules.get("numba"), "__spec__", None), "_initializing", False)
-
-
-def _as_name(what: str) -> str:
-    return re.sub(r"[^a-z]+", "_", what)
-
-
-def _optimised(level: int) -> AbstractContextManager:
-    """Sets the optimisation level of LLVM within the block."""
-    from numba.core import config, registry
-
-    registry.cpu_target.target_context  # noqa: B018  (made now, with the user's own level, which it keeps)
-    return code_cache.settings(OPT=type(config.__dict__["OPT"])(level))
 
 
 def _in_child() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.materials import OF_MATERIAL
 from cdpr_sim.core.robot import Robot
 
 _SIZES = {"MN": 1e6, "kN": 1e3, "N": 1.0}
@@ -44,36 +46,15 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     pretension"; with the number of cables if not all.
     """
     cabling, parts = robot.cabling, []
-    if not cabling.massless:
-        with_mass = cabling.linear_density > 0
-        parts.append(f"{span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
-    if not cabling.linear:
-        nonlinear = np.asarray(cabling.stiffening.any(-1))
-        a2, a3 = cabling.stiffening[nonlinear].T
-        parts.append(f"nonlinear with a2 = {span(a2)}, a3 = {span(a3)}{_some(nonlinear)}")
-    if cabling.pulleys.any():
-        radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
-        parts.append(f"over pulleys of {span(radius)} mm radius{_some(cabling.pulleys)}")
-    behind, several = cabling.winch_to_exit > 0, cabling.reeving > 1
-    if behind.any():
-        parts.append(f"{span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
-    if several.any():
-        parts.append(f"{span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
-    for name, unit, shares in (
-        ("pulley_friction", "% friction at the exit", cabling.pulley_friction),
-        ("hysteresis", "% of EA with hysteresis", cabling.hysteresis[..., 0].sum(-1)),
-        ("creep", "% of the stretch as creep", (robot.axial_stiffness[:, None] / cabling.creep[..., 0]).sum(-1)),
-    ):
+    for name, one in PROPERTIES.items():
         which = cabling.has(name)
-        if which.any():
-            parts.append(f"{span(100 * shares[which])} {unit}{_some(which)}")
+        if one.said is not None and which.any():
+            text, numbers = one.said
+            columns = numbers(cabling)[which].reshape(which.sum(), -1).T
+            parts.append(f"{text.format(*map(span, columns))}{some(which)}")
     if robot.pretension is not None:
         parts.append(f"{robot.pretension:g} N of pretension")
     return tuple(parts)
-
-
-NUMBERS = {"axial_stiffness": "EA", "linear_density": "mass per length", "breaking_load": "breaking load"}
-"""Fields of cables that a material gives, in words."""
 
 
 def describe_origins(robot: Robot) -> str:
@@ -96,13 +77,14 @@ def numbers_by_hand(robot: Robot) -> list[str]:
 def _by_origin(robot: Robot) -> dict[str | None, list[str]]:
     """Labels of numbers by the material from which they came."""
     found: dict[str | None, list[str]] = {}
-    for field, label in NUMBERS.items():
+    for field in OF_MATERIAL:
+        label = PROPERTIES[field].title
         values, names = getattr(robot, field), robot.from_material.get(field, (None,) * robot.cables)
         known = np.isfinite(values) & (values > 0)
         for name in dict.fromkeys(names):
             which = known & np.array([one == name for one in names])
             if which.any():
-                found.setdefault(name, []).append(f"{label}{_some(which)}")
+                found.setdefault(name, []).append(f"{label}{some(which)}")
     return found
 
 
@@ -127,5 +109,6 @@ def span(values: Float[np.ndarray, " some"]) -> str:
     return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
 
 
-def _some(which: Bool[np.ndarray, " cables"]) -> str:
+def some(which: Bool[np.ndarray, " cables"]) -> str:
+    """Of how many cables, in brackets; nothing if of all."""
     return "" if which.all() else f" ({which.sum()} of {len(which)})"

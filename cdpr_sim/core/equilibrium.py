@@ -119,7 +119,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
     @property
     def pulls(self) -> Float[np.ndarray, " cables"]:
         """Forces with which the cables pull on the platform, (cables,) [N]: tensions times parts of line."""
-        return self.problem.robot.reeving * self.tensions
+        return self.problem.robot.cabling.pulls(self.tensions)
 
     @property
     def overloaded(self) -> Bool[np.ndarray, " cables"]:
@@ -180,7 +180,7 @@ class _NoEquilibrium(CdprError):
             where = f": found {found}" if found else ""
         elif status is Status.OVERSTRAINED:
             beyond = robot.cabling.beyond_law(point.lengths, point.rest_lengths)
-            beyond |= point.tensions > cable_law.largest_tension(robot.axial_stiffness, *robot.stiffening.T)
+            beyond |= point.tensions > cable_law.largest_tension(robot.cabling.law_of(robot.axial_stiffness))
             cables = [str(cable + 1) for cable in np.flatnonzero(beyond)]
             evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
         reason = f"{robot.name}: {point.source}: {status.sentence}{where} ({evidence})"

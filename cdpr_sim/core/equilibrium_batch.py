@@ -144,7 +144,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     @property
     def pulls(self) -> Float[np.ndarray, "*batch cables"]:
         """Forces with which the cables pull on the platform, (..., cables) [N]: tensions times parts of line."""
-        return self.robot.reeving * self.tensions
+        return self.robot.cabling.pulls(self.tensions)
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:

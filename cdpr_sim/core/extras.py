@@ -12,6 +12,7 @@ _SWEEP = ("xarray", "dask", "zarr", "h5netcdf", "filelock")
 LIBRARIES = {
     "sweep": _SWEEP,
     "report": (*_SWEEP, "jinja2"),
+    "view": ("glfw", "OpenGL"),
     "video": ("mediapy", "imageio_ffmpeg"),
     "design": ("pymoo",),
     "proof": ("flint",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.checks import checked_label, listed, one_of, refuse_unless
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.plausibility import checked_diameter
@@ -210,7 +212,7 @@ def load_material(name: str) -> Material:
 Origin = str | tuple[str | None, ...]
 """The material from which a number of all cables came, or that of each cable; None for a number given by hand."""
 
-OF_MATERIAL = ("axial_stiffness", "linear_density", "breaking_load")
+OF_MATERIAL = tuple(one.name for one in dataclasses.fields(Material) if one.name in PROPERTIES)
 """Fields of cables that a material gives."""
 
 

@@ -15,6 +15,7 @@ from typing import SupportsIndex
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core.cable import MEMORIES, PROPERTIES
 from cdpr_sim.core.checks import Frozen, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -110,4 +111,4 @@ def without_memory(robot: Robot) -> Robot:
     """The same robot with elastic cables."""
     if not robot.cabling.has_memory.any():
         return robot
-    return robot.replace(pulley_friction=0.0, hysteresis=(), creep=())
+    return robot.replace(**{name: PROPERTIES[name].default for name in MEMORIES})

@@ -63,7 +63,7 @@ def implausibilities(
     middle, margin = workspace.mean(0), 1e-6 * diagonal
     if ((middle < frame[0] - margin) | (middle > frame[1] + margin)).any():
         yield f"found a workspace around ({', '.join(f'{x:.4g}' for x in middle)}) m, outside the frame"
-    strain = weight / float((cabling.reeving * cabling.axial_stiffness).sum())
+    strain = weight / float(cabling.pulls(cabling.axial_stiffness).sum())
     if strain > MOST_STRAIN:
         yield f"found cables that stretch by {strain:.0%} or more under a weight of {weight:.4g} N"
     if len(cabling) > 1 and not np.ptp(cabling.anchors, axis=0).any():

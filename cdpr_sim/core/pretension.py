@@ -184,7 +184,7 @@ def _pretensioned(
 ) -> Float[np.ndarray, "rows cables"]:
     with np.errstate(all="ignore"):
         found = balance(robot, positions, rotations, np.array(robot.pretension), np.zeros(6), _cut)
-        most = cable_law.largest_tension(*robot.cabling.law)
+        most = cable_law.largest_tension(robot.cabling.law)
         held = found.balanced & found.within.all(-1) & (found.tensions <= most).all(-1)
         rest, _ = _cut(robot, positions, rotations, np.where(held[:, None], found.tensions, np.abs(found.tensions)))
         return np.where((held & (rest > 0).all(-1))[:, None], rest, np.nan)
@@ -204,7 +204,7 @@ def without_pretension(robot: Machine) -> Machine:
 
 
 def _refuse_beyond_law(robot: Robot, pulls: Float[np.ndarray, " cables"], field: str) -> None:
-    most = cable_law.largest_tension(*robot.cabling.law)
+    most = cable_law.largest_tension(robot.cabling.law)
     if (pulls > most).any():
         cable = int(np.argmax(pulls > most))
         raise InvalidInput(

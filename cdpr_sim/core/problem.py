@@ -119,7 +119,7 @@ class Problem(Posed, HtmlRepr):
             warn_where_outside(robot, at.position)
         made = cls(robot, at, rest, wrench)
         load = made.load if wrench.any() else robot.weight  # without BLAS, as models are written
-        _refuse_strain(robot, load, robot.weight, float((robot.reeving * robot.axial_stiffness).max()))
+        _refuse_strain(robot, load, robot.weight, float(robot.cabling.pulls(robot.axial_stiffness).max()))
         return made
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import inspect
 import math
 from collections.abc import Mapping, Sequence
@@ -12,12 +13,12 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import COLUMNS, DOWN, STIFFNESS, STIFFNESS_RANGE, WEIGHT, WRAPPED, Cabling, Rows
+from cdpr_sim.core.cable import COLUMNS, DOWN, PROPERTIES, STIFFNESS, STIFFNESS_RANGE, WEIGHT, WRAPPED, Cables, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -37,6 +38,7 @@ from cdpr_sim.core.materials import OF_MATERIAL, Origin, each_of, is_of_material
 from cdpr_sim.core.plausibility import OUTSIDE, implausibilities, warn
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.pretension import lengths_under
+from cdpr_sim.core.property import Rows
 
 Mobility = Literal["spatial", "planar"]
 Kind = Literal["suspended", "fully constrained", "under-actuated"]
@@ -65,7 +67,7 @@ MOST_GRAVITY = 1e6
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
-class Robot(HtmlRepr):
+class Robot(Cables, HtmlRepr):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
     Its attributes have the names and units of the arguments below. What is one number, pair or direction for all cables
@@ -132,21 +134,6 @@ class Robot(HtmlRepr):
     """
 
     cabling: Cabling
-    exits: Float[np.ndarray, "cables 3"]
-    anchors: Float[np.ndarray, "cables 3"]
-    axial_stiffness: Float[np.ndarray, " cables"]
-    linear_density: Float[np.ndarray, " cables"]
-    pulley_radius: Float[np.ndarray, " cables"]
-    pulley_axis: Float[np.ndarray, "cables 3"]
-    stiffening: Float[np.ndarray, "cables 2"]
-    force_min: Float[np.ndarray, " cables"]
-    force_max: Float[np.ndarray, " cables"]
-    breaking_load: Float[np.ndarray, " cables"]
-    winch_to_exit: Float[np.ndarray, " cables"]
-    reeving: Int[np.ndarray, " cables"]
-    pulley_friction: Float[np.ndarray, " cables"]
-    hysteresis: Float[np.ndarray, "cables elements 3"]
-    creep: Float[np.ndarray, "cables terms 2"]
     mass: float
     center_of_mass: Float[np.ndarray, "3"]
     inertia: Float[np.ndarray, "3 3"]
@@ -242,7 +229,7 @@ class Robot(HtmlRepr):
         if mobility == "planar":
             _refuse_out_of_plane(cabling, center_of_mass)
             workspace[:, 1] = 0.0
-        checked = {one.name: getattr(cabling, one.name) for one in dataclasses.fields(cabling)} | dict(
+        checked = {one: getattr(cabling, one) for one in PROPERTIES} | dict(
             cabling=cabling,
             mass=mass,
             center_of_mass=frozen(center_of_mass),
@@ -303,7 +290,7 @@ class Robot(HtmlRepr):
     @cached_property
     def cable_weights(self) -> Float[np.ndarray, " cables"]:
         """Weight of the cables per length from exit to anchor, with all parts of line, (cables,) [N/m]."""
-        return frozen(self.cabling.reeving * (self.cabling.linear_density * self.gravity))
+        return frozen(self.cabling.pulls(self.cabling.linear_density * self.gravity))
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
@@ -332,7 +319,7 @@ class Robot(HtmlRepr):
         if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
             return self._cable_table
         table = np.broadcast_to(self._cable_table, (*axial_stiffness.shape, COLUMNS)).copy()
-        table[..., STIFFNESS] = self.cabling.reeving * axial_stiffness
+        table[..., STIFFNESS] = self.cabling.pulls(axial_stiffness)
         return table
 
     @cached_property
@@ -513,6 +500,22 @@ FIELDS = tuple(inspect.signature(Robot).parameters)
 """Fields of a robot, which ``replace`` can change."""
 
 
+def beside(robot: Robot, name: str, value: Float[np.ndarray, "cables ..."]) -> Robot:
+    """A copy with another value of one property of the cables, which is not checked: for differences.
+
+    Args:
+        robot: the robot.
+        name: of an attribute of the cables; or "wrapped_lengths".
+        value: with a row for each cable.
+    """
+    made = object.__new__(Robot)
+    own = {one.name: getattr(robot, one.name) for one in dataclasses.fields(robot)}
+    if name in own:
+        own["cabling"] = dataclasses.replace(robot.cabling, **{name: value})
+    made.__dict__.update(own | {name: value})
+    return made
+
+
 def _robot_of(given: dict[str, Any]) -> Robot:
     """A copy, perhaps changed, of a robot with these arguments, without the warnings about implausible properties."""
     robot = object.__new__(Robot)
@@ -521,10 +524,15 @@ def _robot_of(given: dict[str, Any]) -> Robot:
     return robot
 
 
+@functools.lru_cache(maxsize=16)
+def without_mass(robot: Robot) -> Robot:
+    """The same robot with massless cables; cached, since simulations of it are cached too."""
+    return robot if robot.cabling.massless else robot.replace(linear_density=0.0)
+
+
 def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:
-    points = {"exits": cabling.exits, "anchors": cabling.anchors, "center_of_mass": center_of_mass[None]}
-    if cabling.pulleys.any():
-        points["pulley_axis"] = cabling.pulley_axis
+    placed = [name for name, one in PROPERTIES.items() if one.image in ("point", "axis") and cabling.has(name).any()]
+    points = {name: getattr(cabling, name) for name in placed} | {"center_of_mass": center_of_mass[None]}
     for field_name, rows in points.items():
         row = int(np.argmax(np.abs(rows[:, 1])))
         if abs(rows[row, 1]) > IN_PLANE:

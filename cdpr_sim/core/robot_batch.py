@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,9 +14,6 @@ from cdpr_sim.core import cable_path
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.robot import Robot
-
-VARIED = ("exits", "anchors", "axial_stiffness", "linear_density", "center_of_mass")
-"""What may differ from robot to robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +75,7 @@ class RobotBatch(Frozen):
     @property
     def cable_weights(self) -> Float[np.ndarray, "layouts cables"]:
         """Weights of the cables per length, with all parts of line (``Robot.cable_weights``) [N/m]."""
-        return self.robot.reeving * (self.linear_density * self.robot.gravity)
+        return self.robot.cabling.pulls(self.linear_density * self.robot.gravity)
 
     @cached_property
     def displacements(self) -> Float[np.ndarray, " layouts"]:
@@ -94,9 +92,13 @@ class RobotBatch(Frozen):
         table[:] = robot.cabling.packed
         table[..., EXIT : EXIT + 3] = self.exits[:, None]
         table[..., ANCHOR : ANCHOR + 3] = self.anchors[:, None]
-        table[..., STIFFNESS] = robot.reeving * axial_stiffness
+        table[..., STIFFNESS] = robot.cabling.pulls(axial_stiffness)
         if not robot.cabling.massless:
             chords = self.exits - robot.home - self.anchors
             table[..., WEIGHT] = self.cable_weights[:, None]
             table[..., WRAPPED] = cable_path.wrapped_lengths(robot.cabling, chords)[:, None]
         return table
+
+
+VARIED = tuple(one.name for one in dataclasses.fields(RobotBatch) if one.name != "robot")
+"""What may differ from robot to robot."""

@@ -49,5 +49,5 @@ def slack_cables(
     idle = tensions <= 0
     if problem.robot.cabling.massless:
         return idle
-    light = problem.robot.reeving * tensions <= slack_limits(problem)
+    light = problem.robot.cabling.pulls(tensions) <= slack_limits(problem)
     return np.where(problem.cable_weights > 0, (lengths <= problem.rest_lengths) & light, idle)

@@ -21,6 +21,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.derivatives import NEUTRAL
 from cdpr_sim.statics.gufuncs import SHORTFALLS
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
@@ -148,6 +149,12 @@ class LayoutEquilibria(EquilibriumBatch):
         return self.problems.robots
 
     @cached_property
+    def held(self) -> Bool[np.ndarray, "layouts cases"]:
+        """Which equilibria are held in every direction, beyond rounding."""
+        sizes = np.abs(self.eigenvalues)
+        return np.asarray(sizes.min(-1) > NEUTRAL * sizes.max(-1))
+
+    @cached_property
     def frequencies(self) -> Float[np.ndarray, "layouts cases"]:
         """Lowest natural frequency of each [Hz]."""
         return stiffness_of(self)[1]
@@ -184,7 +191,7 @@ def feasible_cases(
         found = [forces.weight_of_cables(one, cases.positions, cases.rotations) for one in robots]
         difference, weight = (np.stack(column) for column in zip(*found, strict=True))
         lower, upper = lower + difference, upper - difference
-        left = SHORTFALLS[robot.cabling.bent](
+        left = SHORTFALLS(
             layouts.cable_table(layouts.axial_stiffness[:, None]), lower, upper, robot.weight,
             layouts.center_of_mass[:, None], cases.wrench[:, None] + weight[..., None, :], np.array(robot.free),
             layouts.characteristic_lengths[:, None], cases.positions, cases.rotations,

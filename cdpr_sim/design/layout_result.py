@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.analysis.sensitivity import name_of
+from cdpr_sim.analysis.sensitivity import name_of, unit_of
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot_batch import VARIED
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.objectives import Limits, Objective
 
@@ -31,11 +32,13 @@ class Change:
     Attributes:
         name: as "exit 3 z" or "EA of cable 2".
         before, after: in SI units.
+        unit: "m", "N" or "kg/m".
     """
 
     name: str
     before: float
     after: float
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +103,11 @@ class LayoutResult(Frozen, HtmlRepr):
     def changes(self) -> tuple[Change, ...]:
         """Every parameter that changed."""
         changes = []
-        for name in ("exits", "anchors", "center_of_mass", "axial_stiffness", "linear_density"):
+        for name in VARIED:
             before, after = (np.ravel(getattr(robot, name)).tolist() for robot in (self.given, self.robot))
             for index, ends in enumerate(zip(before, after, strict=True)):
                 if ends[0] != ends[1]:
-                    changes.append(Change(name_of(name, index), *ends))
+                    changes.append(Change(name_of(name, index), *ends, unit_of(name)))
         return tuple(changes)
 
     def __str__(self) -> str:

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import checked_array, frozen, listed, one_of, refuse_far, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.materials import OF_MATERIAL
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import VARIED, RobotBatch
 from cdpr_sim.design.symmetry import Symmetry, group
 
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
 FACTORS = ("axial_stiffness", "diameter")
-LOGARITHMIC = ("axial_stiffness", "linear_density")
+LOGARITHMIC = tuple(name for name in VARIED if name in OF_MATERIAL)
+"""What grows with the square of a rope's diameter."""
 MOVABLE = POINTS + FACTORS
 """What may move: points; or, for each cable, the axial stiffness, or the diameter, with whose square both stiffness
 and mass grow. "pulleys" are the exits of the cables that run over a pulley."""
@@ -192,7 +194,7 @@ def _variables(robot: Robot, move: Move, symmetries: list[Symmetry], taken: set[
             by = np.isin(np.arange(robot.cables), orbit) * (2.0 if move.what == "diameter" else 1.0)
             least, most = np.log((1 / within, within) if within.shape == () else within).tolist()
             name = f"{move.what.replace('_', ' ')} of cable {_listed(orbit)}"
-            changed = ("axial_stiffness", "linear_density") if move.what == "diameter" else ("axial_stiffness",)
+            changed = LOGARITHMIC if move.what == "diameter" else (parameter,)
             rows.append((name, least, most, dict.fromkeys(changed, by)))
             continue
         boxed = [one for one in orbit if center or one in cables]

@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import as_numbers, one_of, shown
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.design.layout_derivatives import layout_derivatives
 from cdpr_sim.design.layout_equilibria import LayoutEquilibria, feasible_cases
+from cdpr_sim.statics import derivatives, forces
 
 Limits = tuple[np.ndarray, np.ndarray]
 Scores = Float[np.ndarray, " layouts"]
@@ -121,10 +121,12 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
     none = np.zeros_like(each)
     errors = {"exits": np.hstack([each, none]), "anchors": np.hstack([none, each])}
     for row in range(len(equilibria)):
-        pose, _ = layout_derivatives(equilibria, row, errors, known=False)
-        units = equilibria.layouts.robot_at(row).units
-        found[row] = np.sqrt(((pose * units[:, None]) ** 2).sum((-1, -2)))
-    return np.where(np.isnan(found), np.inf, found)
+        robot, held = equilibria.layouts.robot_at(row), equilibria.held[row]
+        problems = equilibria.cases.problems(robot, equilibria.problems.rest_lengths[row]).take(held)
+        state = forces.at(problems, equilibria.positions[row][held], equilibria.rotations[row][held])
+        pose, _ = derivatives.of_equilibria(state, *derivatives.along_changes(state, errors))
+        found[row, held] = np.sqrt(((pose * robot.units[:, None]) ** 2).sum((-1, -2)))
+    return np.where(equilibria.held, found, np.inf)
 
 
 def _of_cases(

@@ -201,7 +201,7 @@ def find_layout(
     """Optimise the layout of ``robot`` for all of ``poses``.
 
     First global, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised,
-    over all cores); then local, if the objective has a gradient, by sequential quadratic programming with the exact
+    over all cores); then local, if the objective has a gradient, by sequential quadratic programming with
     derivatives of the equilibria. The result holds for the given poses, loads and stiffnesses only;
     ``validate_layout`` verifies it in MuJoCo, also between the poses.
 
@@ -254,8 +254,7 @@ def find_layout(
             message = f"Interrupted after {len(history)} generations: this is the best layout so far."
         if evaluator.best is None or not evaluator.energy < _FEASIBLE:
             raise InvalidInput(_why_none(evaluator))
-        exact = robot.cabling.massless and robot.pretension is None  # derivatives of rigid lengths by the layout
-        if polish and wanted.smooth and exact and "Interrupted" not in message:
+        if polish and wanted.smooth and "Interrupted" not in message:
             say(f"{evaluator.describe_best()}; refining")
             try:
                 evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from cdpr_sim.core.cable import PROPERTIES, Cabling
 from cdpr_sim.core.checks import listed, one_of
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -74,17 +75,18 @@ def _of(robot: Robot, signs: np.ndarray) -> tuple[Symmetry | None, str]:
     if far.max() > SAME * size or len(set(images)) < robot.cables:
         cable = int(far.argmax())
         return None, f"the image of cable {cable + 1} is {1e3 * far[cable]:.3g} mm from the nearest cable"
-    cabling = robot.cabling
-    own = np.column_stack(
-        [
-            cabling.axial_stiffness, cabling.linear_density, cabling.pulley_radius, cabling.stiffening,
-            cabling.winch_to_exit, cabling.reeving,
-        ]
-    )  # fmt: skip
-    axes = np.where(cabling.pulleys[:, None], cabling.pulley_axis, 0.0)
-    if not np.allclose(own, own[images]) or not np.allclose(axes * signs, axes[images]):
-        cable = int(np.argmax(~np.isclose(own, own[images]).all(1) | ~np.isclose(axes * signs, axes[images]).all(1)))
-        return None, f"cable {cable + 1} has other properties than its image"
+    numbers, axes = _properties(robot.cabling, "number"), _properties(robot.cabling, "axis")
+    mirrored = axes * np.tile(signs, axes.shape[1] // 3)
+    same = np.isclose(numbers, numbers[images]).all(1) & np.isclose(mirrored, axes[images]).all(1)
+    if not same.all():
+        return None, f"cable {int(np.argmin(same)) + 1} has other properties than its image"
     if np.abs(robot.center_of_mass * signs - robot.center_of_mass).max() > SAME * size:
         return None, "the centre of mass is not its own image"
     return Symmetry(signs, images), ""
+
+
+def _properties(cabling: Cabling, image: str) -> Float[np.ndarray, "cables numbers"]:
+    """Properties with this image, 0 where a cable has them without an effect."""
+    named = [name for name, one in PROPERTIES.items() if one.image == image]
+    each = [np.where(cabling.has(name), getattr(cabling, name).reshape(len(cabling), -1).T, 0.0).T for name in named]
+    return np.hstack(each)

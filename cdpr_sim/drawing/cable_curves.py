@@ -57,13 +57,8 @@ def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wh
     """Wheel of a cable to ``anchor``, base frame [m]; None without a pulley, or if the anchor lies within the wheel."""
     if not cabling.pulleys[cable]:
         return None
-    exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
-    with np.errstate(invalid="ignore"):
-        *_, x, y, z, _, wrap, _ = cable_path.pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
-    if np.isnan(wrap):
-        return None
-    outwards = np.cross([x, y, z], axis)
-    return Wheel(exit_ + radius * outwards, outwards, axis, radius, float(wrap))
+    found = cable_path.wheel(cabling, cable, anchor)
+    return None if np.isnan(found[-1]) else Wheel(*found)
 
 
 def cable_curve(
@@ -86,11 +81,10 @@ def cable_curve(
     Raises:
         InvalidInput: a cable with mass without its profile.
     """
-    if cabling.linear_density[cable] > 0:
+    if cabling.with_mass[cable]:
         if shape is None:
             raise InvalidInput(
-                f"shapes: found none of a cable of {cabling.linear_density[cable]:g} kg/m, expected its "
-                "profile, from cable_profiles"
+                f"shapes: found none of cable {cable + 1}, which has mass, expected its profile, from cable_profiles"
             )
         free = shape + np.linspace(0, 1, len(shape))[:, None] * (anchor - shape[-1])
         wheel = wheel_of(cabling, cable, anchor)

@@ -20,7 +20,7 @@ from PIL.PngImagePlugin import PngInfo
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, encoded, plot, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
@@ -103,7 +103,7 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
 def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float = style.THIN) -> None:
     """Draw frame, exits, cables and platform, in 3D or in the x-z plane."""
     draw_frame(ax, _with_room(robot))
-    straight = robot.replace(linear_density=0.0).cabling  # sagging is a result
+    straight = without_mass(robot).cabling  # sagging is a result
     for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
         plot(ax, cable_curve(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
         wheel = wheel_of(straight, cable, anchor)

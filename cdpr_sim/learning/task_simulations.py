@@ -17,9 +17,9 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.learning.driven_model import DrivenModel
 from cdpr_sim.physics.mjcf import place
 from cdpr_sim.physics.sensing import Seen
-from cdpr_sim.physics.track import Machine
 from cdpr_sim.physics.winches import lengths_at, strains_of
 
 STEPS = 7
@@ -71,7 +71,7 @@ class TaskSimulations:
 
     def __init__(
         self,
-        machine: Machine,
+        machine: DrivenModel,
         count: int,
         *,
         period: float,
@@ -89,7 +89,7 @@ class TaskSimulations:
         steps = max(1, int(np.ceil(period / longest)))
         model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, period / steps
         model.actuator_gainprm[by_tension] = model.actuator_biasprm[by_tension] = 0
-        model.actuator_gainprm[by_tension, 0] = robot.reeving[by_tension]
+        model.actuator_gainprm[by_tension, 0] = robot.cabling.pulls(np.ones(robot.cables))[by_tension]
         model.actuator_ctrlrange[by_tension] = np.stack([np.zeros(by_tension.sum()), largest[by_tension]], axis=1)
         # A step is made with the length at its middle; the last one is that at the end of the period.
         self._steps, self._at = steps, np.append((np.arange(steps) + 0.5) / steps, 1.0)[:, None]
@@ -99,6 +99,7 @@ class TaskSimulations:
         self.rotations = self.batch.bind("xmat")[:, machine.platform].reshape(count, 3, 3)
         self._upwards = self.rotations[:, 2, 2]
         self._fields = {name: self.batch.expand(name) for name in FIELDS}
+        self._still = self._fields["actuator_biasprm"][:, :, 0].copy()  # of winches that stand still
         self.batch.forward()
         self._read()
         self._scratch, self._data = self.batch.get_model(0), mujoco.MjData(model)
@@ -118,7 +119,8 @@ class TaskSimulations:
     ) -> None:
         """Start a simulation of ``robot`` at rest at ``pose``, on ``rest_lengths`` [m]."""
         self._become(row, robot)
-        self._fields["actuator_biasprm"][row, :, 2] -= np.where(self.by_tension, 0.0, robot.reeving * friction)
+        self._fields["actuator_biasprm"][row, :, 2] -= np.where(self.by_tension, 0.0, robot.cabling.pulls(friction))
+        self._still[row] = self._fields["actuator_biasprm"][row, :, 0]
         # Air damps the pendulum of the cables: as in ``track``, of their lengths at the first pose.
         swing = np.sqrt(self._mean / without_pretension(self.robot).rest_lengths(self.robot.pose(pose)).mean())
         self._fields["dof_damping"][row, : len(robot.free)] *= swing
@@ -169,6 +171,10 @@ class TaskSimulations:
         controls = machine.controls(rest_lengths[:, None] + self._at * (ahead - rest_lengths)[:, None])
         if self._some:
             controls = np.where(by_tension, (0.5 * (1 + actions) * self.largest)[:, None], controls)
+        laws = self._fields[
+            "actuator_biasprm"
+        ]  # dampers resist strains, not the winding: their force is -laws[2] * rate
+        laws[:, :, 0] = self._still + laws[:, :, 2] * (ahead - rest_lengths) / self.period
         self.batch.rollout(self._steps, controls[:, :-1], record=())
         self._ctrl[:] = controls[:, -1]
         self.batch.forward()

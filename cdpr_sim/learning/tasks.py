@@ -19,10 +19,11 @@ from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning.domain import Domain
+from cdpr_sim.learning.driven_model import DrivenModel
 from cdpr_sim.learning.task_simulations import TaskSimulations, rotation_vectors
 from cdpr_sim.physics.drive import FALLEN, poses_through
 from cdpr_sim.physics.sensing import pose_of
-from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING, Machine
+from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING
 from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import newton
@@ -112,7 +113,7 @@ class Task:
         robot.cabling.refuse_memory()
         robot.cabling.refuse_weight("cdpr_sim.learning")
         if not robot.cabling.linear:
-            cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
+            cable = int(np.argmax(robot.cabling.nonlinear)) + 1
             raise InvalidInput(
                 f"cdpr_sim.learning: found cable {cable} with nonlinear elasticity, expected linear ones: the winch of "
                 "a nonlinear cable has no limit of force, without which random controls end a simulation"
@@ -126,7 +127,7 @@ class Task:
             one_of("term of the reward", name, REWARDS)
         self.weights = REWARDS | {name: float(checked_array(name, of, ())) for name, of in (rewards or {}).items()}
         by_tension, largest = self._by_tension(control), largest_forces(robot, winch_force)
-        machine = Machine(
+        machine = DrivenModel(
             robot,
             robot.pose(robot.home),
             robot.rest_lengths(robot.home),

@@ -59,7 +59,7 @@ def refuse_undamped(robot: Robot, factor: float | None) -> None:
         InvalidInput: a nonlinear cable and a loss factor above 0.
     """
     if factor and not robot.cabling.linear:
-        cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
+        cable = int(np.argmax(robot.cabling.nonlinear)) + 1
         raise InvalidInput(
             f"damping: found a loss factor of {factor:g} and cable {cable} with nonlinear elasticity, expected linear "
             "cables, or 'settle' or 'none'"
@@ -82,7 +82,7 @@ def stiffest(
     with mass are as stiff as along their chords.
     """
     data, free = mujoco.MjData(model), np.arange(len(robot.free))
-    names = np.where(robot.cabling.linear_density > 0, "chord", "cable")
+    names = np.where(robot.cabling.with_mass, "chord", "cable")
     cables = np.array([model.tendon(f"{name}_{i + 1}").id for i, name in enumerate(names)])
     stretch, mass = stretching(model, data, free, cables), np.zeros((len(free), model.nv))
     for coordinate, unit in enumerate(np.eye(len(free), model.nv)):

@@ -2,8 +2,8 @@
 
 The winches use the robot's geometry and assume rigid cables: at every instant they let out the rest lengths of the
 commanded pose (paper Eq. 1, 2), and a shorter cable is a stiffer one, EA/l0. The motion of the platform is computed by
-MuJoCo: with true mass and inertia, the model of ``to_mjcf``, its integrator and its viscous air. Poses, lengths and
-tensions are read out of MuJoCo. Cables with mass are wound as ``sagging.chain_motion`` describes.
+MuJoCo (``motion``): with true mass and inertia, and the viscous air of ``to_mjcf``. Poses and lengths are read out of
+MuJoCo.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -21,21 +21,20 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
-from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.batch import Observation
 from cdpr_sim.physics.chains import refuse_short
-from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_air, to_mjcf
+from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
+from cdpr_sim.physics.motion import CALM, Motion
 from cdpr_sim.physics.quiet import quiet
-from cdpr_sim.physics.sagging import settle_chains
-from cdpr_sim.physics.sagging.chain_motion import ChainMotion
+from cdpr_sim.physics.sagging.settle_chains import at_rest, single
 from cdpr_sim.physics.settle import settle, weighs, without_weight
-from cdpr_sim.physics.tendons import let_out
 
 STATES = 301
 """Default number of states of a trajectory: ten seconds of video at 30 frames a second."""
@@ -63,12 +62,6 @@ obeys the law of a spring stretches by half, so that it must have swung out from
 SMOOTH = 0.01
 """Time step of a platform on cables with mass, as a fraction of 1/omega of its slowest oscillation, if more than that
 of the model: an oscillation ten times as fast is damped by a twentieth of the critical damping."""
-
-State = tuple[Any, mujoco.MjData, int]
-"""What is recorded of a state, MuJoCo's data, and the platform's body."""
-
-ROWS = 128
-"""States that are read out of MuJoCo side by side; this limits the memory."""
 
 
 def drive(
@@ -132,27 +125,21 @@ def drive(
         if weighs(robot):
             for lengths in problems.rest_lengths:
                 refuse_short(robot, lengths)
-            motion = _on_chains(problems, path, start, seconds, from_rest)
-        else:
-            motion = _on_tendons(without_weight(problems), path, start, seconds)
+        moving = problems if weighs(robot) else without_weight(problems)
         seen, fell = [], None
-        for row, (state, data, platform) in enumerate(motion):
+        for row, (state, data, platform) in enumerate(_driven(moving, path, start, seconds, from_rest)):
             seen.append(state)
             fell = fallen(problems.positions[row], problems.rotations[row], problems.rest_lengths[row], data, platform)
             if fell:
                 break
             if progress is not None:
                 progress(row / (states - 1))
-        rows = np.arange(len(seen))
-        if not weighs(robot):
-            seen = _read(without_weight(problems).take(rows), np.array(seen))
-    poses, lengths, tensions = zip(*seen, strict=True)
+    rows = np.arange(len(seen))
     trajectory = Trajectory.of(
         problems.take(rows),
         seconds * fractions[rows],
-        RigidTransform.concatenate(list(poses)),
-        np.concatenate(lengths),
-        np.concatenate(tensions),
+        poses_of(*(np.concatenate([getattr(one, name) for one in seen]) for name in ("positions", "rotations"))),
+        *(np.concatenate([getattr(one, name) for one in seen]) for name in ("lengths", "tensions")),
     )
     if fell:
         x, y, z = trajectory.commanded.translation[-1]
@@ -210,44 +197,22 @@ def _slow_speed(problem: Problem) -> float:
     return float(NEARLY_STATIC * np.sqrt(gravity * problem.rest_lengths.mean()) / 2)
 
 
-def _on_tendons(problems: Problems, path: PosePath, start: RigidTransform, seconds: float) -> Iterator[State]:
-    """The states at each problem's instant, as MuJoCo's coordinates."""
-    robot, commanded = problems.robot, problems.poses[0]
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded))
-    data = mujoco.MjData(model)
-    place(model, data, robot, start)
-    intervals = len(problems) - 1
-    steps = max(1, round(seconds / intervals / model.opt.timestep))
-    model.opt.timestep = seconds / intervals / steps
-    platform = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "platform")
-    data.body("origin").xfrc_applied[:] = problems[0].external_wrench
-    for k in range(len(problems)):
-        if k > 0:
-            # The lengths at the end of each time step, as an implicit integrator requires.
-            rest = path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals)
-            for _ in let_out(model, robot.cabling, rest):
-                mujoco.mj_step(model, data)
-        mujoco.mj_kinematics(model, data)
-        yield data.qpos.copy(), data, platform
-
-
-def _on_chains(
+def _driven(
     problems: Problems, path: PosePath, start: RigidTransform, seconds: float, from_rest: bool
-) -> Iterator[State]:
-    """The states at each problem's instant on cables with mass, as pose, lengths and tensions."""
-    first = problems[0]
-    robot, intervals = problems.robot, len(problems) - 1
-    simulation = settle_chains.at_rest(first, start) if from_rest else settle_chains.single(first, start)
-    longest = max(TIMESTEP, SMOOTH / simulation.swing[0])
-    motion = ChainMotion(simulation, longest, viscosity=settling_air(Problem.of(robot, first.pose))[1])
+) -> Iterator[tuple[Observation, mujoco.MjData, int]]:
+    """The states at each problem's instant, with MuJoCo's data and the platform's body."""
+    first, intervals, heavy = problems[0], len(problems) - 1, weighs(problems.robot)
+    simulation = at_rest(first, start) if from_rest and heavy else single(first, start)
+    longest = max(TIMESTEP, SMOOTH / simulation.swing[0]) if heavy else TIMESTEP
+    air = settling_air(Problem.of(problems.robot, first.pose))[1]
+    motion = Motion(simulation, longest, viscosity=air, theta=CALM)
     interval = seconds / intervals
     pieces = max(1, int(np.ceil(interval / longest)))
     for k in range(len(problems)):
         if k > 0:
             let_out = path.winches((k - 1 + np.linspace(0, 1, pieces + 1)) / intervals)
-            motion.advance(interval, lambda passed, rows=let_out: _between(rows, passed / interval))
-        seen = motion.look()
-        yield (seen.poses, seen.lengths, seen.tensions), motion.data, simulation.platform
+            motion.advance(interval, lambda passed, _, rows=let_out: _between(rows, passed / interval))
+        yield motion.look(), motion.data, motion.platform
 
 
 def _between(rows: Float[np.ndarray, "steps cables"], fraction: float) -> Float[np.ndarray, " cables"]:
@@ -273,16 +238,3 @@ def fallen(
     if data.xmat[platform].reshape(3, 3)[:, 2] @ rotation[:, 2] < 0:
         return "it has turned over"
     return None
-
-
-def _read(
-    problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
-) -> list[tuple[RigidTransform, np.ndarray, np.ndarray]]:
-    """Poses, lengths and tensions of these states, from MuJoCo."""
-    seen = []
-    for first in range(0, len(problems), ROWS):
-        rows = np.arange(first, min(first + ROWS, len(problems)))
-        with simulations_of(problems.take(rows)) as simulations:
-            read = simulations.observe(qpos[rows])
-        seen.append((read.poses, read.lengths, read.tensions))
-    return seen

@@ -125,6 +125,7 @@ def to_mjcf(
     refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
+    robot.cabling.refuse_unknown("simulation")
     robot.cabling.refuse_memory()
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
@@ -146,7 +147,7 @@ def to_mjcf(
     platform = _add_platform(world, robot, problem.pose, brake if kind else None, contact)
     pulls = np.full(robot.cables, robot.weight)  # against which chains are damped, or resolved
     if kind:
-        pulls = np.where(np.isfinite(forces), robot.reeving * forces, pulls)
+        pulls = np.where(np.isfinite(forces), robot.cabling.pulls(forces), pulls)
     calmed = chains.plucked(step, pulls, 1.0) if settling else None
     driven, masses = bool(kind or factor), not robot.cabling.massless
     whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
@@ -164,7 +165,7 @@ def to_mjcf(
         times = relaxation_times(robot, springs, factor)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
-        tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
+        tendon = "chord" if robot.cabling.with_mass[i - 1] else "cable"
         add(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if driven:
         limits = {"forces": forces, "speed": speed}
@@ -174,7 +175,7 @@ def to_mjcf(
     at = coordinates(robot, problem.pose)
     if kind and robot.mobility == "spatial":
         at = since_written(at, at[3:])
-    drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
+    drums = np.zeros(int(robot.cabling.nonlinear.sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
     add(keyframes, "key", name="commanded", qpos=start)
     if whole:
@@ -237,7 +238,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml", *, contact
     _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
     if problem is not None:
         drawn_tendons = ET.SubElement(root, "tendon")
-        for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
+        for i in np.flatnonzero(~(robot.cabling.pulleys | robot.cabling.with_mass)):
             drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
             tendons.add_twin(drawn_tendons, f"line_{i + 1}", int(i) + 1, drawn)
     return _document(root)

@@ -221,7 +221,7 @@ def _touching(contact: bool) -> str:
 def _limits(robot: Robot) -> str:
     if not robot.cabling.linear:
         return "a force without limit, as its cables are nonlinear"
-    return f"{span(robot.reeving * largest_forces(robot))} N"
+    return f"{span(robot.cabling.pulls(largest_forces(robot)))} N"
 
 
 def _cables(robot: Robot) -> str:

@@ -4,7 +4,8 @@ The cable arrives along the axis e and touches the wheel at the exit A. In MuJoC
 
 - a body at A with a hinge about e, the swivel; its x axis points from A to the centre of the wheel;
 - a *sphere* of the wheel's radius at that centre, the groove. The plane of entry, centre and anchor cuts it in a great
-  circle, wherever the anchor is. On a cylinder the tendon may slide off as a helix, and the swivel is then unstable;
+  circle, wherever the anchor is. On a cylinder the tendon may slide off as a helix, and the swivel is then unstable.
+  In a planar robot, whose wheels do not swivel, a cylinder: the first mass of a chain would slide off the sphere;
 - a site beyond the wheel, seen along e: it selects the side on which the tendon passes;
 - a site on the axis before A, where the tendon begins. At less than about ten radii, the swivel is unstable.
 
@@ -89,7 +90,10 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
             add(body, "joint", swivel, ref=angle, armature=armature, damping=damping)
             mass = LIGHT * robot.mass
             add_inertia(body, mass, max(mass * radius * radius, LEAST_INERTIA))
-        add(body, "geom", {"name": f"groove_{i}", "class": "guide"}, size=radius, pos=[radius, 0, 0])
+        groove = {"name": f"groove_{i}", "class": "guide", "size": radius}
+        if robot.mobility == "planar":
+            groove |= {"type": "cylinder", "size": [radius, WIDTH * radius], "zaxis": [0, 1, 0]}
+        add(body, "geom", groove, pos=[radius, 0, 0])
         add(body, "site", {"name": f"side_{i}", "class": "guide"}, pos=[radius, 0, SIDE * radius])
         wheel = {"name": f"wheel_{i}", "class": "drawn", "type": "cylinder"}
         sides = [radius, -WIDTH * radius, 0, radius, WIDTH * radius, 0]
@@ -246,11 +250,6 @@ def flipped(
     """Wheels of a planar robot, turned about to the other side of their axes where the anchor is there."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     return np.where((np.abs(turns) > np.pi / 2)[..., None], np.stack([-z, y, -x, w], axis=-1), quaternions)
-
-
-def swivelling(robot: Robot, tension: float) -> float:
-    """An upper bound of the angular frequency of wheels about their axes with cables of this tension [rad/s]."""
-    return float(SWIVELLING * np.sqrt(2 * tension / _load(robot)))
 
 
 def _load(robot: Robot) -> float:

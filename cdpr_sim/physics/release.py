@@ -3,35 +3,29 @@
 Checks of equilibria by the physics side alone: this module uses no formula of statics.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike, distance, moved
+from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import pulleys, tendons
-from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics import tendons
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import duration
-from cdpr_sim.physics.mjcf import place, to_mjcf
+from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
+from cdpr_sim.physics.motion import CALM, Motion
 from cdpr_sim.physics.quiet import quiet
-from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
-from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
+from cdpr_sim.physics.sagging.settle_chains import at_rest, single
 from cdpr_sim.physics.settle import settle, weighs, without_weight
 
 NUDGE = 1e-6
@@ -44,12 +38,8 @@ STAYS, LEAVES = 3.0, 100.0
 further than its displacement along the direction of least stiffness; the deviation of an unstable one grows
 exponentially."""
 
-FINEST = 0.1
+FINEST = 0.5
 """Time step of the undamped motion, in 1/omega of an upper bound of its fastest oscillation."""
-
-COARSEST = 0.5
-"""The same on cables with mass, whose steps are implicit: the fastest oscillation is damped by an eighth of the
-critical damping at most, a slow one hardly."""
 
 WATCHED = 0.002
 """[s] Time between two evaluations of the deviation."""
@@ -114,55 +104,26 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot.cabling.refuse_memory()
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
-    seconds, arm = duration(seconds), robot.characteristic_length
-    if weighs(robot):
+    seconds, heavy = duration(seconds), weighs(robot)
+    if heavy:
         refuse_short(robot, problem.rest_lengths)
-        with quiet():
-            return _release_chains(equilibrium, seconds)
-    problem = without_weight(Problems.stack([problem]))[0]
-    robot = problem.robot
-    with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
-        softest = simulations.read(simulations.qpos.copy()).softest[0]
-    step = np.zeros(6)
-    step[robot.free] = NUDGE * softest
-    step[3:] /= arm
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, problem.rest_lengths))
-    model.opt.viscosity = model.dof_damping[:] = 0
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
-    model.opt.timestep = FINEST / _fastest(model.tendon_stiffness * stiffer, equilibrium)
-    data = mujoco.MjData(model)
-    place(model, data, robot, moved(pose, step))
-    largest_deviation, watched = NUDGE, 0
-    chunk = max(int(WATCHED / model.opt.timestep), 1)
-    while watched * model.opt.timestep < seconds and largest_deviation < LEAVES * NUDGE:
-        mujoco.mj_step(model, data, nstep=chunk)
-        watched += chunk
-        largest_deviation = max(largest_deviation, distance(_pose(data), pose, arm))
-    return Release(largest_deviation, NUDGE, watched * model.opt.timestep)
-
-
-def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
-    problem, pose = equilibrium.problem, equilibrium.pose
-    robot = problem.robot
-    simulation = settle_chains.at_rest(problem, pose, held=True)
-    row = simulation.all
-    simulation.residuals(row)
-    derivatives = ChainDerivatives.of(simulation, row)
-    nudge = NUDGE * derivatives.stiffness()[1]
-    step = simulation.in_dofs(row, nudge)
-    step[:, simulation.slides] = derivatives.following(nudge)
-    simulation.qpos[:] = simulation.displaced(simulation.qpos, step)
-    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
-    longest = min(COARSEST / _fastest(springs, equilibrium), WATCHED)
-    motion = ChainMotion(simulation, longest, ahead=LEAST_AHEAD)
-    largest_deviation = NUDGE
-    for _ in range(int(np.ceil(seconds / WATCHED))):
-        if largest_deviation >= LEAVES * NUDGE:
-            break
-        motion.advance(WATCHED)
-        away = distance(motion.look().poses[0], pose, robot.characteristic_length)
-        largest_deviation = max(largest_deviation, away)
+    with quiet():
+        simulation = at_rest(problem, pose, held=True) if heavy else single(_massless(problem), pose)
+        row = simulation.all
+        simulation.residuals(row)
+        derivatives = ChainDerivatives.of(simulation, row)
+        nudge = NUDGE * derivatives.stiffness()[1]
+        step = simulation.in_dofs(row, nudge)
+        step[:, simulation.slides] = derivatives.following(nudge)
+        simulation.qpos[:] = simulation.displaced(simulation.qpos, step)
+        stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
+        springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths) * stiffer
+        motion = Motion(simulation, min(FINEST / _fastest(springs, equilibrium), WATCHED))
+        largest_deviation = NUDGE
+        while motion.time < seconds and largest_deviation < LEAVES * NUDGE:
+            motion.advance(WATCHED)
+            away = distance(motion.pose, pose, robot.characteristic_length)
+            largest_deviation = max(largest_deviation, away)
     return Release(largest_deviation, NUDGE, motion.time)
 
 
@@ -194,29 +155,25 @@ def grow_gravity(
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
     seconds, robot = duration(seconds), problem.robot
-    massless = robot.replace(linear_density=0.0)
-    model = mujoco.MjModel.from_xml_string(to_mjcf(massless, problem.pose, problem.rest_lengths))
-    data = mujoco.MjData(model)
-    place(model, data, massless, problem.pose)
-    mujoco.mj_kinematics(model, data)
-    steps = max(int(seconds / model.opt.timestep), 1)
-    for step in range(steps):
-        model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
-        mujoco.mj_step(model, data)
-    if any(warning.number for warning in data.warning):
+    light = _massless(problem)
+    with quiet():
+        motion = Motion(single(light, problem.pose), TIMESTEP, viscosity=settling_air(light)[1], theta=CALM)
+        steps = max(int(seconds / TIMESTEP), 1)
+        for step in range(steps):
+            motion.model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
+            motion.advance(TIMESTEP)
+    if any(warning.number for warning in motion.data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
-    return settle(robot, _pose(data), problem.rest_lengths)
+    return settle(robot, motion.pose, problem.rest_lengths)
 
 
-def _pose(data: mujoco.MjData) -> RigidTransform:
-    body = data.body("platform")
-    return RigidTransform.from_components(body.xpos, Rotation.from_quat(body.xquat, scalar_first=True))
+def _massless(problem: Problem) -> Problem:
+    """The same problem on massless cables."""
+    return without_weight(Problems.stack([problem]))[0]
 
 
 def _fastest(stiffness: Float[np.ndarray, " cables"], equilibrium: Equilibrium) -> float:
     """An upper bound of the highest angular frequency [rad/s]: all springs at the farthest anchor, least inertia.
-
-    Or the oscillation of a wheel about its axis, if that is faster.
 
     Args:
         stiffness: of the cables [N/m]; of nonlinear ones, at the largest strain.
@@ -225,7 +182,4 @@ def _fastest(stiffness: Float[np.ndarray, " cables"], equilibrium: Equilibrium) 
     robot = equilibrium.problem.robot
     reach = np.linalg.norm(robot.anchors - robot.center_of_mass, axis=1).max()
     springs = float(stiffness.sum())
-    fastest = float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))
-    if robot.cabling.pulleys.any():
-        fastest = max(fastest, pulleys.swivelling(robot, float(equilibrium.pulls.max())))
-    return fastest
+    return float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))

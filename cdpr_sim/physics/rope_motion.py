@@ -28,12 +28,14 @@ class RopeState:
 
     Attributes:
         pulls: on the platform, (cables,) [N].
+        slopes: of the pulls by the lengths, (cables,) [N/m].
         rest_lengths: that winches have let out, (cables,) [m].
         sticks: which ropes stick at their exits, (cables,); of winches that control tensions.
         memory: the memory, (1, cables).
     """
 
     pulls: Float[np.ndarray, " cables"]
+    slopes: Float[np.ndarray, " cables"]
     rest_lengths: Float[np.ndarray, " cables"]
     sticks: Bool[np.ndarray, " cables"]
     memory: Memory
@@ -48,6 +50,7 @@ class RopeState:
         arrays = {name: mixed(mine, other.memory.arrays[name]) for name, mine in self.memory.arrays.items()}
         return RopeState(
             mixed(self.pulls, other.pulls),
+            mixed(self.slopes, other.slopes),
             mixed(self.rest_lengths, other.rest_lengths),
             mixed(self.sticks, other.sticks),
             replace(self.memory, **arrays),
@@ -69,13 +72,27 @@ class RopeMotion:
         self._bare = bare.cabling
 
     def at(
-        self, lengths: Float[np.ndarray, " cables"], rest_lengths: Float[np.ndarray, " cables"], seconds: float
+        self,
+        lengths: Float[np.ndarray, " cables"],
+        rest_lengths: Float[np.ndarray, " cables"],
+        seconds: float,
+        within: Float[np.ndarray, " cables"] | float = 0.0,
+        *,
+        slopes: bool = False,
     ) -> RopeState:
-        """Cables of these ``lengths`` [m] whose winches have let out ``rest_lengths`` [m], after ``seconds``."""
+        """Cables of these ``lengths`` [m] whose winches have let out ``rest_lengths`` [m], after ``seconds``.
+
+        Of chains, ``within`` [m] is the rest length of all segments but the first, in which the memory acts. Without
+        ``slopes``, these are 0.
+        """
         step = RopeStep.of(self._cabling, self._robot.axial_stiffness, rest_lengths[None], self.memory, seconds)
+        if np.any(within):
+            step = step.in_chain(rest_lengths[None] - within)
         pulls = step.pulls(step.stretches(lengths[None]))
         memory = step.memory_after(lengths[None], pulls / self._robot.reeving)
-        return RopeState(pulls[0], rest_lengths, np.zeros(len(lengths), dtype=bool), memory)
+        none = np.zeros(len(lengths))
+        slope = np.where(pulls[0] > 0, step.tangent(lengths[None])[0][0], 0.0) if slopes else none
+        return RopeState(pulls[0], slope, rest_lengths, none.astype(bool), memory)
 
     def under(
         self, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"], seconds: float
@@ -93,4 +110,4 @@ class RopeMotion:
         memory = moved.memory_after(lengths[None], (pulls / parts)[None])
         behind = lengths / beyond + (tensions - pulls / parts) / stiffness  # it has the tension of the winch
         rest_lengths = beyond - self._cabling.behind * (behind - 1) / behind
-        return RopeState(pulls, rest_lengths, sticks, replace(memory, beyond=beyond[None]))
+        return RopeState(pulls, np.zeros_like(pulls), rest_lengths, sticks, replace(memory, beyond=beyond[None]))

@@ -38,7 +38,7 @@ class Readings:
         self._numbers = np.concatenate([np.arange(one.adr[0], one.adr[0] + one.dim[0]) for one in sensors])
         self._offsets = np.concatenate([np.zeros(7), pulleys.entries(robot.cabling), np.zeros(robot.cables)])
         # The sensors read the pulls of all parts of line.
-        self._parts = np.concatenate([np.ones(7 + robot.cables), robot.reeving])
+        self._parts = np.concatenate([np.ones(7 + robot.cables), robot.cabling.pulls(np.ones(robot.cables))])
 
     def of(
         self, sensed: Float[np.ndarray, "*rows numbers"]

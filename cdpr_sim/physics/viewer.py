@@ -8,6 +8,7 @@ import warnings
 
 import mujoco
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
@@ -20,8 +21,10 @@ def open_viewer(problem: Problem) -> None:
     """Open the viewer, and return when it is closed.
 
     Raises:
+        MissingExtra: a library of the extra ``view`` is not installed.
         InvalidInput: there is no display.
     """
+    extras.require("view", "view")
     model = scene_with_winches(problem)
     refuse_without_display()
     from mujoco import viewer

@@ -52,12 +52,12 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
     extra = shared(robot)
     found = controls(rigid + extra, wanted + extra)
     if not robot.cabling.linear:
-        nonlinear = robot.cabling.stiffening.any(1)
+        nonlinear = robot.cabling.nonlinear
         servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             lengths = rest.lengths + extra
-            for cable in np.flatnonzero(nonlinear & (robot.cabling.linear_density > 0)):
+            for cable in np.flatnonzero(nonlinear & (robot.cabling.with_mass)):
                 # Of a cable with mass, ``lengths`` has the chord. Its tension grows along it by the weight below: the
                 # mean is that at half the height.
                 rise = robot.exits[cable, 2] - rest.pose.apply(robot.anchors[cable])[2]

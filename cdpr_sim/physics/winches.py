@@ -48,6 +48,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import FLAG, as_numbers
+from cdpr_sim.core.controller import Command
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
@@ -90,6 +91,9 @@ LEAST_SPARE = 1e-9
 """Fraction by which a cable's length exceeds its span, to be drawn hanging. MuJoCo 4.0 draws
 nothing at all where it exceeds it by nothing up to 1e-12 (the points of its chain are nan)."""
 
+ROUNDING = 1e-9
+"""Rounding of a length, as a fraction."""
+
 HIDDEN = 4
 """Group of elements that viewers hide by default."""
 
@@ -111,6 +115,24 @@ def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> 
     if written is None:
         return np.array([shortest, longest])
     return np.array([np.minimum(shortest, written), np.maximum(longest, written)])
+
+
+def checked(robot: Robot, answer: Command | ArrayLike, reach: Float[np.ndarray, "2 cables"]) -> Command:
+    """A controller's return value as a command that winches with this ``reach`` can carry out.
+
+    Raises:
+        InvalidInput: a command that no winch can carry out, or that is out of the range of these.
+    """
+    command = Command.of(answer, robot.cables)
+    lengths, (lowest, highest) = command.rest_lengths, reach
+    beyond = ~command.by_tension & ~((lengths >= (1 - ROUNDING) * lowest) & (lengths <= (1 + ROUNDING) * highest))
+    if beyond.any():
+        cable = int(np.argmax(beyond))
+        raise InvalidInput(
+            f"rest_lengths: found {lengths[cable]:.4g} m in cable {cable + 1}, expected {lowest[cable]:.4g} to "
+            f"{highest[cable]:.4g} m, which its winch can let out"
+        )
+    return command
 
 
 def kind_of(winches: bool | Kind) -> Kind | None:

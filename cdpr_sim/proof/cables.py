@@ -34,11 +34,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.slack import SHARE
-from cdpr_sim.proof.balls import Ball, Balls, exact, middle, middles, norm, within, zeros
+from cdpr_sim.proof.balls import (
+    BITS,
+    Ball,
+    Balls,
+    arithmetic,
+    bounds,
+    exact,
+    middle,
+    middles,
+    norm,
+    within,
+    zeros,
+)
 
 LARGEST_A = 600.0
 """Largest half length of a catenary's interval of x: its sinh is near the largest double. Such a cable is vertical to
@@ -87,15 +101,16 @@ class Cable:
     def __init__(self, problem: Problem, index: int) -> None:
         cabling = problem.robot.cabling
         cabling.refuse_memory()
+        cabling.refuse_unknown("proof")
         self.exit = exact(cabling.exits[index])
         self.anchor = exact(cabling.anchors[index])
         self.rest_length = exact(problem.rest_lengths[index])
         self.axial_stiffness = exact(cabling.axial_stiffness[index])
         self.parts, self.behind = int(cabling.reeving[index]), exact(cabling.winch_to_exit[index])
         self.a2, self.a3 = exact(cabling.stiffening[index])
-        self.linear = not cabling.stiffening[index].any()
+        self.linear = not cabling.nonlinear[index]
         self.radius = exact(cabling.pulley_radius[index])
-        self.over_pulley = bool(cabling.pulley_radius[index] > 0)
+        self.over_pulley = bool(cabling.pulleys[index])
         axis = exact(cabling.pulley_axis[index])
         self.axis = axis / norm(axis)
         self.has_mass = bool(cabling.linear_density[index] * problem.robot.gravity > 0)
@@ -374,6 +389,36 @@ class Cable:
         p = -(self.a2 + strain * (2 * self.a3)) / (secant * secant * self._law_slope(strain) * (EA * EA))
         pV = p * V_series
         return [strain, strain * V_series, p, pV, pV * V_series]
+
+
+def laws(problem: Problem, cables: list[Cable]) -> Float[np.ndarray, "cables law"]:
+    """Each cable's row of ``geometry_kernel.Setup.law``."""
+    with arithmetic(BITS):
+        pairs = [(one.parts * one.axial_stiffness, one._rope() / one.parts) for one in cables]
+        ends = np.moveaxis(bounds(np.array(pairs)), 0, -1)  # (cables, 2, 2): EA and the length that stretches
+    columns = problem.rest_lengths, ends, problem.robot.stiffening, np.stack(slopes_of_law(problem.robot), 1)
+    return np.array([[l0, *EA, *law, *slopes, *whole] for l0, (EA, whole), law, slopes in zip(*columns, strict=True)])
+
+
+def slopes_of_law(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are linear: at ends and vertex."""
+    a2, a3 = robot.stiffening.T
+    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
+    values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
+    spare = 1e-12 * robot.cabling.nonlinear * np.abs(values).max(0)
+    return values.min(0) - spare, values.max(0) + spare
+
+
+def wheels(cables: list[Cable]) -> Float[np.ndarray, "cables wheel 2"]:
+    """Each cable's rows of ``geometry_kernel.Setup.wheels``."""
+    with arithmetic(BITS):
+        rows = [[one.radius, *one.axis, *(EYE - np.outer(one.axis, one.axis)).ravel()] for one in cables]
+        return np.moveaxis(bounds(np.array(rows)), 0, -1).copy()
+
+
+def largest_wheel(robot: Robot) -> float:
+    """The largest distance between an exit and where its cable leaves the wheel: a diameter [m]."""
+    return 2 * float(robot.pulley_radius.max())
 
 
 def _bordered(t: Balls, diagonal: Ball, outer: Ball, mixed: Ball, last: Ball) -> Balls:

@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import extras
-from cdpr_sim.core.cable import MOST_STRAIN
+from cdpr_sim.core.cable import MOST_STRAIN, PROPERTIES
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
@@ -37,8 +37,8 @@ from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import BITS, Balls, arithmetic, bounds, exact, middle, solution
-from cdpr_sim.proof.cables import EYE, Cable
+from cdpr_sim.proof.balls import BITS, Balls, arithmetic, exact, middle, solution
+from cdpr_sim.proof.cables import Cable, largest_wheel, laws, slopes_of_law, wheels
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
 CHARTS = {"planar": (0, 2), "spatial": (0, 1, 2, 3)}
@@ -257,6 +257,7 @@ def refuse_unsearchable(problem: Problem) -> None:
     """
     extras.require("proof", "certify_all")
     problem.robot.cabling.refuse_memory()
+    problem.robot.cabling.refuse_unknown("proof")
     problem.robot.cabling.refuse_weight("certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput(
@@ -405,12 +406,9 @@ class _Search:
 def _key(problem: Problem) -> str:
     """A key that is different for every problem."""
     state, robot = hashlib.sha256(), problem.robot
-    parts = (
-        robot.exits, robot.anchors, robot.axial_stiffness, robot.cabling.stiffening, robot.cabling.pulley_radius,
-        robot.cabling.pulley_axis, robot.cabling.winch_to_exit, robot.cabling.reeving, robot.center_of_mass,
-        np.array([robot.mass, robot.gravity]), problem.rest_lengths, problem.external_wrench,
-    )  # fmt: skip
-    for part in parts:
+    cables = (getattr(robot, name) for name, one in PROPERTIES.items() if one.image)
+    rest = np.array([robot.mass, robot.gravity]), robot.center_of_mass, problem.rest_lengths, problem.external_wrench
+    for part in (*cables, *rest):
         state.update(np.ascontiguousarray(part, dtype=float).tobytes() + b"\0")
     return f"{robot.mobility} {state.hexdigest()}"
 
@@ -422,8 +420,8 @@ def _setups(kernel, problem: Problem, cables: list[Cable]) -> list:
     setup = kernel.Setup(
         exits=np.array(robot.exits),
         anchors=robot.anchors,
-        law=_laws(problem, cables),
-        wheels=_wheels(cables),
+        law=laws(problem, cables),
+        wheels=wheels(cables),
         center_of_mass=robot.center_of_mass,
         weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
         wrench=problem.external_wrench.copy(),
@@ -437,31 +435,6 @@ def _setups(kernel, problem: Problem, cables: list[Cable]) -> list:
         setup._replace(anchors=robot.anchors * signs, center_of_mass=robot.center_of_mass * signs)
         for signs in SIGNS[list(CHARTS[robot.mobility])]
     ]
-
-
-def _laws(problem: Problem, cables: list[Cable]) -> Float[np.ndarray, "cables law"]:
-    """Each cable's row of ``Setup.law``."""
-    with arithmetic(BITS):
-        pairs = [(one.parts * one.axial_stiffness, one.rest_length + one.behind / one.parts) for one in cables]
-        ends = np.moveaxis(bounds(np.array(pairs)), 0, -1)  # (cables, 2, 2): EA and the length that stretches
-    columns = problem.rest_lengths, ends, problem.robot.cabling.stiffening, np.stack(_slopes(problem.robot), 1)
-    return np.array([[l0, *EA, *law, *slopes, *whole] for l0, (EA, whole), law, slopes in zip(*columns, strict=True)])
-
-
-def _wheels(cables: list[Cable]) -> Float[np.ndarray, "cables wheel 2"]:
-    """Each cable's rows of ``Setup.wheels``."""
-    with arithmetic(BITS):
-        rows = [[one.radius, *one.axis, *(EYE - np.outer(one.axis, one.axis)).ravel()] for one in cables]
-        return np.moveaxis(bounds(np.array(rows)), 0, -1).copy()
-
-
-def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are linear: at ends and vertex."""
-    a2, a3 = robot.cabling.stiffening.T
-    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
-    values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
-    spare = 1e-12 * robot.cabling.stiffening.any(-1) * np.abs(values).max(0)
-    return values.min(0) - spare, values.max(0) + spare
 
 
 def _size(problem: Problem) -> float:
@@ -485,8 +458,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     force = problem.external_wrench[:3] - np.array([0, 0, robot.weight])
     down = force / np.linalg.norm(force)
     # A cable pulls towards the point where it leaves its wheel, within a diameter of its exit.
-    wheel = 2 * float(robot.cabling.pulley_radius.max())
-    reach = SPARE * (float(np.linalg.norm(robot.anchors, axis=1).max()) + wheel) + 1e-9
+    reach = SPARE * (float(np.linalg.norm(robot.anchors, axis=1).max()) + largest_wheel(robot)) + 1e-9
     if robot.mobility == "planar":
         across = np.array([[down[2], 0.0, -down[0]]])
         frame = np.stack([down, across[0]])
@@ -496,11 +468,11 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     at = robot.exits @ frame.T
     lower, upper = at.min(0) - reach, at.max(0) + reach
     wide = SPARE * float(np.linalg.norm(upper[1:] - lower[1:]))
-    slopes, _ = _slopes(robot)
+    stiffnesses = robot.cabling.pulls(robot.axial_stiffness) * slopes_of_law(robot)[0]
     drops = []
     for cable, rest in enumerate(problem.rest_lengths):
-        stiffness, drop = robot.reeving[cable] * robot.axial_stiffness[cable] * slopes[cable], float(rest)
-        stretches = rest + robot.cabling.behind[cable]
+        stiffness, drop = stiffnesses[cable], float(rest)
+        stretches = rest + robot.cabling.added[cable]
         while not stiffness * (drop - rest) / stretches * drop / math.hypot(drop, wide) > SPARE * _pull(problem):
             drop *= 1.01
         drops.append(at[cable, 0] + reach + drop)

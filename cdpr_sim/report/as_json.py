@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import MEMORIES
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.property import REQUIRED
 from cdpr_sim.report.crosscheck_tables import Outcome, best_point
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def outcome(result: Outcome) -> dict[str, Any]:
     point = best_point(result)
     if point is None:
         return status
-    if (point.problem.robot.reeving > 1).any():
+    if (point.pulls != point.tensions).any():
         status |= fields(point, "pulls")
     return (
         status | fields(point, *_NUMBERS) | {"stability": point.stability.name.lower(), "iterations": point.iterations}
@@ -207,15 +206,8 @@ def robot(robot: Robot) -> dict[str, Any]:
 
 def _robot(robot: Robot) -> dict[str, Any]:
     """The robot's name, mass and cables; with those properties of cables in which one of them is not as by default."""
-    cabling, properties, parameters = robot.cabling, {}, inspect.signature(type(robot)).parameters
-    for name in (field.name for field in dataclasses.fields(cabling)):
-        values, usual = getattr(cabling, name), parameters[name].default
-        if usual is inspect.Parameter.empty:
-            continue
-        usual = np.inf if name == "breaking_load" else usual
-        given = cabling.has(name) if name in MEMORIES else cabling.pulleys if name == "pulley_axis" else values != usual
-        if given.any():
-            properties[name] = _finite(values)
+    given = [name for name, one in PROPERTIES.items() if one.default is not REQUIRED and robot.cabling.has(name).any()]
+    properties = {name: _finite(getattr(robot, name)) for name in given}
     description = {"robot": robot.name} | fields(robot, "mass", "material", "axial_stiffness")
     description["from_material"] = {name: list(names) for name, names in robot.from_material.items()}
     if robot.pretension is not None:

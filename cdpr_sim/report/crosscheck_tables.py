@@ -231,10 +231,10 @@ def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
     if len(neutral):
         directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
         notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")
-    for cable in np.flatnonzero((robot.reeving > 1) & (equilibrium.pulls > 0)):
-        notes.append(
-            f"Cable {cable + 1}: its {robot.reeving[cable]} parts of line pull with {equilibrium.pulls[cable]:.4g} N."
-        )
+    for cable in np.flatnonzero(equilibrium.pulls != equilibrium.tensions):
+        pull = equilibrium.pulls[cable]
+        parts = pull / equilibrium.tensions[cable]
+        notes.append(f"Cable {cable + 1}: its {parts:.0f} parts of line pull with {pull:.4g} N.")
     for cable in np.flatnonzero((equilibrium.tensions < robot.force_min) | (equilibrium.tensions > robot.force_max)):
         notes.append(
             f"Cable {cable + 1}: tension {equilibrium.tensions[cable]:.4g} N, outside its limits of "

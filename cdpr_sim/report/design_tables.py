@@ -20,13 +20,12 @@ def changes_table(result: LayoutResult) -> Table:
     """Every parameter that changed."""
     table = new_table(f"{result.given.name}: changed parameters", "", "before", "after", "change")
     for one in result.changes:
-        if one.name.startswith(("EA", "linear")):
-            unit = "N" if one.name.startswith("EA") else "kg/m"
-            change = f"{100 * (one.after / one.before - 1):+.3g} %"
-            table.row(one.name, f"{one.before:.4g} {unit}", f"{one.after:.4g} {unit}", change)
-        else:
+        if one.unit == "m":
             before, after = 1e3 * one.before, 1e3 * one.after
             table.row(one.name, f"{before:.2f} mm", f"{after:.2f} mm", f"{after - before:+.2f} mm")
+        else:
+            change = f"{100 * (one.after / one.before - 1):+.3g} %"
+            table.row(one.name, f"{one.before:.4g} {one.unit}", f"{one.after:.4g} {one.unit}", change)
     return table
 
 

@@ -26,7 +26,7 @@ from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import maps
@@ -346,7 +346,7 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     pose = view.problem.pose if settled is None else settled.pose
     anchors = pose.apply(robot.anchors)
     # Without an equilibrium there is no cable profile: cables are drawn straight.
-    cabling = robot.cabling if settled is not None else robot.replace(linear_density=0.0).cabling
+    cabling = robot.cabling if settled is not None else without_mass(robot).cabling
     cables = []
     for cable, anchor in enumerate(anchors):
         slack = settled is not None and bool(settled.slack[cable])

@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 
 from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
 from cdpr_sim.analysis.workspace.grids import plane
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -265,9 +266,10 @@ def _moved(before: Robot, after: Robot) -> list[tuple[str, dict[str, str], np.nd
 
 
 def _changed(before: Robot, after: Robot) -> list[str]:
-    """Names of changed properties that are no points."""
-    names = {"axial_stiffness": "axial stiffness of cables", "linear_density": "mass of cables"}
-    return [name for field, name in names.items() if not np.array_equal(getattr(before, field), getattr(after, field))]
+    """Names of changed properties of cables that are no points."""
+    numbers = {name: one for name, one in PROPERTIES.items() if one.image == "number"}
+    changed = (one for name, one in numbers.items() if not np.array_equal(getattr(before, name), getattr(after, name)))
+    return [f"{one.title} of cables" for one in changed]
 
 
 def _draw_moves(space, moved: Sequence[tuple[str, dict[str, str], np.ndarray, bool]]) -> None:

@@ -32,7 +32,7 @@ def rest_lead(equilibrium: ModelEquilibrium) -> Iterator[str]:
     elif agreement.agrees:
         ways = "Time steps and Newton's method agree."
     else:
-        ways = f"Time steps and Newton's method do not agree: {'; '.join(agreement.reasons)}."
+        ways = f"Time steps and Newton's method do not agree: {escape('; '.join(agreement.reasons))}."
     yield f"{ways} {equilibrium.stability.name.capitalize()} equilibrium."
     yield f"unbalanced   {equilibrium.residual:.1e} of the largest force"
     if equilibrium.friction_share > 0:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from cdpr_sim.core.describe import describe_cables, describe_origins
+from cdpr_sim.core.describe import describe_cables, describe_origins, some, span
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -31,7 +31,7 @@ def robot_table(robot: Robot) -> Table:
         if robot.pretension is None
         else f"for a pretension of {robot.pretension:g} N",
         "tension limits": _limits(robot),
-        "breaking load": f"{_span(robot.breaking_load)} N" if np.isfinite(robot.breaking_load).all() else "",
+        "breaking load": _known(robot.breaking_load),
         "platform": f"{robot.mass:g} kg, {_size(robot.platform_size, 1e3)} mm",
         "centre of mass": f"({_point(robot.center_of_mass)}) mm in the platform",
         "frame": f"{_size(np.ptp(robot.frame, axis=0), 1.0)} m",
@@ -104,15 +104,16 @@ def _numbers(equilibria: EquilibriumBatch, rows: Any) -> dict[str, np.ndarray]:
 
 
 def _limits(robot: Robot) -> str:
-    least, most = robot.force_min, robot.force_max
-    if not least.any() and not np.isfinite(most).any():
+    above = _known(robot.force_max)
+    if not robot.force_min.any() and not above:
         return ""
-    above = f"at most {_span(most)} N" if np.isfinite(most).all() else "without an upper limit"
-    return f"at least {_span(least)} N, {above}"
+    return f"at least {span(robot.force_min)} N, {f'at most {above}' if above else 'without an upper limit'}"
 
 
-def _span(values: np.ndarray) -> str:
-    return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
+def _known(forces: np.ndarray) -> str:
+    """The finite ones, and of how many cables if not of all; "" if there is none."""
+    known = np.isfinite(forces)
+    return f"{span(forces[known])} N{some(known)}" if known.any() else ""
 
 
 def _size(edges: np.ndarray, unit: float) -> str:

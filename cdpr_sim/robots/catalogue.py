@@ -5,20 +5,22 @@ from __future__ import annotations
 import difflib
 import os
 import tomllib
+from collections.abc import Iterable
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, ValidationError, create_model
 
-from cdpr_sim.core.cable import DOWN, MOST_CABLES
+from cdpr_sim.core.cable import MOST_CABLES, PROPERTIES
 from cdpr_sim.core.checks import checked_path, positive, refuse_unless, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text, readable
 from cdpr_sim.core.materials import ROPES, Material, Origin, is_material, line_stiffness, load_material
 from cdpr_sim.core.plausibility import checked_diameter
+from cdpr_sim.core.property import Property
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 from cdpr_sim.robots.expectations import sentence_of
 
@@ -53,6 +55,30 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+WAYS = ("material", "axial_stiffness", "modulus")
+"""Keys that define the cable's stiffness."""
+
+OF_ONE, OF_WHEEL, OF_ALL = (
+    [one for one in PROPERTIES.values() if one.name not in WAYS and (one.image == "point", one.place[0]) == kind]
+    for kind in ((True, ""), (False, "pulley"), (False, ""))
+)
+"""Properties whose keys are of a cable alone, of its pulley, and of the whole robot as well as of a cable."""
+
+_TYPES: dict[tuple[int, ...], Any] = {(): Number, (2,): Pair, (3,): Vector}
+
+
+def _with(properties: Iterable[Property], base: type[_Table] = _Table, *, of_cable: bool = False) -> Any:
+    """A table with the keys of these properties behind those of ``base``; in a cable's, each may be missing."""
+    keys: dict[str, Any] = {}
+    for one in properties:
+        kind = Density if one.name == "linear_density" else Rows if one.none is not None else _TYPES[one.shape]
+        unit = LENGTH if one.unit == "m" else one.unit
+        default = None if one.limit else list(one.default) if one.none is not None else one.default
+        key = _of_all(unit) if of_cable else _key(one.meaning, unit, default)
+        keys[one.place[1]] = (kind | None if of_cable or one.limit else kind, key)
+    return create_model(base.__name__, __base__=base, **keys)
+
+
 class PlatformTable(_Table):
     """The platform."""
 
@@ -71,36 +97,23 @@ class PlatformTable(_Table):
     )
 
 
-class PulleyTable(_Table):
+class PulleyTable(_with(OF_WHEEL)):
     """A swivelling wheel at the exit."""
 
-    radius: Number = _key("Radius of the wheel; 0 is a point.", LENGTH)
-    axis: Vector = _key("Direction in which the cable arrives, and about which the wheel swivels.", "", DOWN)
+    radius: Number = _key(PROPERTIES["pulley_radius"].meaning, LENGTH)  # required here
 
 
-class CableTable(_Table):
-    """One cable. A key that is missing here has the value for the whole robot."""
-
-    exit: Vector = _key(
-        "Exit point A_i in the base frame, z up; over a pulley, where the cable first touches it.",
-        LENGTH,
-    )
-    anchor: Vector = _key("Anchor point B_i in the platform frame.", LENGTH)
+class _OneCable(_with(OF_ONE)):
     name: str | None = _key("Name of this cable.", "", None)
     material: str | None = _of_all()
     axial_stiffness: Number | None = _of_all("N")
     modulus: Number | None = _of_all("Pa")
     diameter: Number | None = _of_all(LENGTH)
-    linear_density: Density | None = _of_all("kg/m")
-    stiffening: Pair | None = _of_all()
-    force_min: Number | None = _of_all("N")
-    force_max: Number | None = _of_all("N")
-    breaking_load: Number | None = _of_all("N")
-    winch_to_exit: Number | None = _of_all(LENGTH)
-    reeving: Number | None = _of_all()
-    pulley_friction: Number | None = _of_all()
-    hysteresis: Rows | None = _of_all()
-    creep: Rows | None = _of_all()
+
+
+class CableTable(_with(OF_ALL, _OneCable, of_cable=True)):
+    """One cable. A key that is missing here has the value for the whole robot."""
+
     pulley: PulleyTable | None = _of_all()
 
 
@@ -111,9 +124,7 @@ class BoxTable(_Table):
     upper: Vector = _key("The opposite corner.", LENGTH)
 
 
-class RobotTable(_Table):
-    """The whole robot; its keys about cables apply to every cable that does not set them itself."""
-
+class _WholeRobot(_Table):
     name: str = _key("Name of the robot in tables, models and pictures.")
     description: str = _key("Description of the robot in one line.", "", "")
     source: str = _key("Source of the numbers.", "", "")
@@ -136,38 +147,16 @@ class RobotTable(_Table):
         "",
         None,
     )
-    axial_stiffness: Number | None = _key("Axial stiffness EA.", "N", None)
+    axial_stiffness: Number | None = _key(PROPERTIES["axial_stiffness"].meaning, "N", None)
     modulus: Number | None = _key("Modulus E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
     diameter: Number | None = _key(
         "Diameter of cables that are given by a rope's `material` or by `modulus`.", LENGTH, None
     )
-    linear_density: Density = _key(
-        'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
-        "kg/m",
-        0.0,
-    )
-    stiffening: Pair = _key(
-        "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0)
-    )
-    force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
-    force_max: Number | None = _key("Largest tension that a cable or its winch allows; by default no limit.", "N", None)
-    breaking_load: Number | None = _key(
-        "Smallest tension at which a cable breaks; by default that of its material, if known.", "N", None
-    )
-    winch_to_exit: Number = _key(
-        "Length of rope between the winch and the exit; it stretches with the cable.", LENGTH, 0.0
-    )
-    reeving: Number = _key("Parts of line between exit and platform, a whole number.", "", 1)
-    pulley_friction: Number = _key("Fraction c of the tension that is lost at the exit.", "", 0.0)
-    hysteresis: Rows = _key(
-        "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
-        "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
-        "",
-        [],
-    )
-    creep: Rows = _key(
-        "Terms [EA1, tau1]: the tension T makes the cable longer by the strain T/EA1 (1 - exp(-t/tau1)).", "N, s", []
-    )
+
+
+class RobotTable(_with(OF_ALL, _WholeRobot)):
+    """The whole robot; its keys about cables apply to every cable that does not set them itself."""
+
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
     frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
@@ -181,7 +170,7 @@ class RobotTable(_Table):
     def robot(self) -> Robot:
         """The robot that this file describes."""
         made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
-        names, pulleys = {name for name, _ in made}, self._each("pulley")
+        names = {name for name, _ in made}
         materials, known = [material for _, material in made], [material.name or None for _, material in made]
         densities, loads = self._each("linear_density"), self._each("breaking_load")
         from_material = {
@@ -191,20 +180,20 @@ class RobotTable(_Table):
             ],
             "breaking_load": [name if load is None else None for name, load in zip(known, loads, strict=True)],
         }
-        as_given = ("stiffening", "force_min", "reeving", "pulley_friction", "hysteresis", "creep")
+        values = {one.name: self._each(one.place[1]) for one in OF_ALL}
+        values |= {one.name: [getattr(wheel, one.place[1]) for wheel in self._each("pulley")] for one in OF_WHEEL}
+        values |= {one.name: [getattr(cable, one.place[1]) for cable in self.cables] for one in OF_ONE}
+        values["axial_stiffness"] = [material.axial_stiffness for material in materials]
+        values["linear_density"] = [self._density(i, densities[i], materials[i]) for i in range(len(self.cables))]
+        values["breaking_load"] = [_own(load, one.breaking_load) for load, one in zip(loads, materials, strict=True)]
+        for name, each in values.items():
+            if PROPERTIES[name].limit:
+                values[name] = [_own(value, np.inf) for value in each]
+            elif PROPERTIES[name].unit == "m":
+                values[name] = (np.array(each) / METRES[self.units]).tolist()
         return Robot(
-            exits=[self._metres(cable.exit) for cable in self.cables],
-            anchors=[self._metres(cable.anchor) for cable in self.cables],
-            axial_stiffness=[material.axial_stiffness for material in materials],
+            **values,
             mass=self.platform.mass,
-            linear_density=[self._density(i, densities[i], materials[i]) for i in range(len(self.cables))],
-            force_max=[_own(limit, np.inf) for limit in self._each("force_max")],
-            breaking_load=[
-                _own(_own(load, one.breaking_load), np.inf) for load, one in zip(loads, materials, strict=True)
-            ],
-            winch_to_exit=[length / METRES[self.units] for length in self._each("winch_to_exit")],
-            pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
-            pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
             inertia=self.platform.inertia,
             mobility=self.mobility,
@@ -218,7 +207,6 @@ class RobotTable(_Table):
             pretension=self.pretension,
             description=self.description,
             source=self.source,
-            **{key: self._each(key) for key in as_given},
         )
 
     def _each(self, key: str) -> list[Any]:
@@ -281,10 +269,6 @@ class RobotTable(_Table):
                 f"{material.name or 'a cable given by its stiffness'} is not known"
             )
         return material.linear_density
-
-
-WAYS = ("material", "axial_stiffness", "modulus")
-"""Keys that define the cable's stiffness."""
 
 
 def uniform(names: list[str | None]) -> Origin:
@@ -373,7 +357,7 @@ def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
         raise RobotFileError(f"{label}: found an integer of thousands of digits, expected a robot") from None
 
 
-NO_POINTS = {"stiffening", "hysteresis", "creep"}
+NO_POINTS = {one.place[1] for one in PROPERTIES.values() if one.none is not None or one.shape == (2,)}
 """Keys of lists whose elements are no coordinates."""
 
 OTHER_WORDS = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from importlib import resources
 from string import Template
 from typing import Any
@@ -15,6 +16,8 @@ from pydantic_core import PydanticUndefined
 from cdpr_sim.core.checks import checked_name
 from cdpr_sim.core.materials import MATERIALS, ROPES
 from cdpr_sim.robots.catalogue import (
+    OF_ALL,
+    OF_WHEEL,
     BoxTable,
     CableTable,
     PlatformTable,
@@ -24,6 +27,9 @@ from cdpr_sim.robots.catalogue import (
     load_robot,
 )
 from cdpr_sim.robots.robot_file_text import as_toml
+
+COMMENTS = 34
+"""Column of the template at which comments begin."""
 
 TABLES: dict[str, type[BaseModel]] = {
     "The whole robot": RobotTable,
@@ -42,7 +48,17 @@ def template(name: str) -> str:
     """
     quoted = json.dumps(checked_name("name", name), ensure_ascii=False)  # as TOML quotes
     text = (resources.files("cdpr_sim.robots") / "template.toml").read_text(encoding="utf-8")
-    return text.replace('"NAME"', quoted).replace("NAME", name)
+    return text.replace("#CABLES\n", "".join(_examples())).replace('"NAME"', quoted).replace("NAME", name)
+
+
+def _examples() -> Iterator[str]:
+    """Lines of the template: the examples of the properties of cables, those of a pulley in one line."""
+    for one in OF_ALL:
+        if one.example is not None:
+            value, comment = one.example
+            yield f"{f'#{one.name} = {value}':{COMMENTS}}# {comment}".removesuffix("# ").rstrip() + "\n"
+    keys = ", ".join(f"{one.place[1]} = {one.example[0]}" for one in OF_WHEEL if one.example)
+    yield f"#pulley = {{ {keys} }}   # {'; '.join(one.example[1] for one in OF_WHEEL if one.example)}\n"
 
 
 def copied(source: str, name: str) -> str:

@@ -8,18 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import DOWN, NO_ELEMENT, NO_TERM
+from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.materials import Material, is_material, load_material
+from cdpr_sim.core.property import Property
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-
-OF_ALL = (
-    "material", "axial_stiffness", "linear_density", "stiffening", "force_min", "force_max", "breaking_load",
-    "winch_to_exit", "pulley_friction", "reeving",
-)  # fmt: skip
-"""Keys of a cable that the whole robot has as well."""
-
-UNSET = ("0.0", "[0.0, 0.0]")
-"""Numbers that a key has by default."""
+from cdpr_sim.robots.catalogue import OF_ALL
 
 
 def as_toml(robot: Robot) -> str:
@@ -43,25 +36,25 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"mobility = {_text(robot.mobility)}"
     if robot.gravity != STANDARD_GRAVITY:
         yield f"gravity = {_numbers(robot.gravity)}"
-    texts = dict.fromkeys(OF_ALL, [""] * robot.cables) | {
-        name: [_numbers(one) if np.isfinite(one).all() else "" for one in getattr(cabling, name)]
-        for name in OF_ALL[1:]
-        if name != "reeving" or (cabling.reeving > 1).any()
-    }
     made = _materials(robot)
-    texts["material"] = [_text(one.name) if one else "" for one in made]
-    texts["axial_stiffness"] = ["" if one else text for one, text in zip(made, texts["axial_stiffness"], strict=True)]
+    texts = {
+        "material": [_text(one.name) if one else "" for one in made],
+        "axial_stiffness": ["" if one else _numbers(own) for one, own in zip(made, robot.axial_stiffness, strict=True)],
+    }
+    texts |= {one.name: _texts(one, getattr(cabling, one.name)) for one in OF_ALL if cabling.has(one.name).any()}
     for name, text in (("linear_density", '"material"'), ("breaking_load", "")):
         names = robot.from_material.get(name, (None,) * robot.cables)
         for cable, one in enumerate(made):
-            if one and names[cable] == one.name and _same(getattr(one, name), getattr(cabling, name)[cable]):
+            if (
+                name in texts
+                and one
+                and names[cable] == one.name
+                and _same(getattr(one, name), getattr(cabling, name)[cable])
+            ):
                 texts[name][cable] = text
-    for name, none in (("hysteresis", NO_ELEMENT), ("creep", NO_TERM)):
-        in_effect = [one[(one != none).any(-1)] for one in getattr(cabling, name)]
-        texts[name] = [_numbers(rows) if len(rows) else "" for rows in in_effect]
     own = {name: each for name, each in texts.items() if len(set(each)) > 1}  # an infinite limit is left out
     for name, each in texts.items():
-        if name not in own and each[0] and each[0] not in UNSET:
+        if name not in own and each[0]:
             yield f"{name} = {each[0]}"
     stiff = {"material", "axial_stiffness"} & {*own}
     named = [f"name = {_text(robot.material)}"] if robot.material and stiff else []
@@ -102,6 +95,14 @@ def _materials(robot: Robot) -> list[Material | None]:
 
 def _same(number: float | None, stored: float) -> bool:
     return bool((np.inf if number is None else number) == stored)
+
+
+def _texts(one: Property, values: np.ndarray) -> list[str]:
+    """The value of each cable; "" where it has no limit or no rows."""
+    if one.none is None:
+        return [_numbers(numbers) if np.isfinite(numbers).all() else "" for numbers in values]
+    in_effect = [rows[(rows != one.none).any(-1)] for rows in values]
+    return [_numbers(rows) if len(rows) else "" for rows in in_effect]
 
 
 def _pulley(radius: float, axis: np.ndarray) -> str:

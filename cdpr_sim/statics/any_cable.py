@@ -32,7 +32,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import pulley_path
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
@@ -88,9 +88,7 @@ class AnyCable(NamedTuple):
     wrapped: float
     behind: float
     rest_length: float
-    EA: float
-    a2: float
-    a3: float
+    law: tuple[float, ...]
     weight: float
 
 
@@ -110,26 +108,30 @@ def any_cables(table: ArrayLike, chords: ArrayLike, rest_lengths: ArrayLike) -> 
         return Catenary(*_ANY(table, chords, rest_lengths))
 
 
-def _one(table, chords, rest_length, pull, stiffness, energy, exit_tension, anchor_tension):
-    """One element of the gufunc."""
-    (
-        pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _, _
-    ) = any_cable(chords[0], chords[1], chords[2], cable_of(table, rest_length), table[COLUMNS:])  # fmt: skip
-    stiffness[0, 0], stiffness[1, 1], stiffness[2, 2] = xx, yy, zz
-    stiffness[0, 1] = stiffness[1, 0] = xy
-    stiffness[0, 2] = stiffness[2, 0] = xz
-    stiffness[1, 2] = stiffness[2, 1] = yz
+def _all(table, chord, rest_length, scratch, pull, stiffness, energy, exit_tension, anchor_tension):
+    """Those of (rows, columns) of cables."""
+    for i in range(chord.shape[0]):
+        for j in range(chord.shape[1]):
+            x, y, z = chord[i, j, 0], chord[i, j, 1], chord[i, j, 2]
+            (
+                pull[i, j, 0], pull[i, j, 1], pull[i, j, 2], xx, xy, yy, xz, yz, zz, energy[i, j], exit_tension[i, j],
+                anchor_tension[i, j], _, _,
+            ) = any_cable(x, y, z, cable_of(table[i, j], rest_length[i, j]), table[i, j, COLUMNS:])  # fmt: skip
+            stiffness[i, j, 0, 0], stiffness[i, j, 1, 1], stiffness[i, j, 2, 2] = xx, yy, zz
+            stiffness[i, j, 0, 1] = stiffness[i, j, 1, 0] = xy
+            stiffness[i, j, 0, 2] = stiffness[i, j, 2, 0] = xz
+            stiffness[i, j, 1, 2] = stiffness[i, j, 2, 1] = yz
 
 
-_ANY = Kernel("laws of cables of any kind", _one, "(k),(c),()->(c),(c,c),(),(),()")
+_ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),()")
 
 
 @inline
 def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length, row[STIFFNESS],
-        row[STIFFENING], row[STIFFENING + 1], row[WEIGHT],
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
+        cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
     )  # fmt: skip
 
 
@@ -143,9 +145,9 @@ def any_cable(x, y, z, cable, row):
     """
     elastic = len(row) == 0 or row[KIND] == ELASTIC
     straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0
-    if elastic and straight and cable.a2 == 0.0 and cable.a3 == 0.0:
+    if elastic and straight and cable_law.linear(cable.law):
         half = 0.5 * cable.weight * cable.rest_length
-        t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.EA, cable.weight)
+        t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.law[0], cable.weight)
         return (
             -t[0], -t[1], -(t[2] + 2 * half), C[0], C[1], C[2], C[3], C[4], C[5], U + half * z, exit_tension,
             anchor_tension, np.sqrt(x * x + y * y + z * z), 0.0,
@@ -173,10 +175,10 @@ def _massless(x, y, z, cable, row, elastic):
     length, fx, fy, fz, free, bx, by, bz, bend, _, clear = _wheel_path(x, y, z, cable)
     stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
     if elastic:
-        k, e = cable_law.tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
-        energy = cable_law.energy(stretch, whole, cable.EA, cable.a2, cable.a3)
+        k, e = cable_law.tangent(stretch, whole, cable.law)
+        energy = cable_law.energy(stretch, whole, cable.law)
     else:
-        k, e, energy = memory_spring(stretch, cable.rest_length, cable.behind, cable.EA, cable.a2, cable.a3, row)
+        k, e, energy = memory_spring(stretch, cable.rest_length, cable.behind, cable.law, row)
     if not (stretch > 0 and e > 0):
         none = 0.0 if stretch <= 0 or e <= 0 else np.nan
         return none, none, none, none, none, none, none, none, none, none, none, none, length, clear
@@ -188,15 +190,15 @@ def _massless(x, y, z, cable, row, elastic):
 @outlined
 def _with_mass(x, y, z, cable, row, elastic):
     """Newton's method on the span of the free part; what it misses is B − A."""
-    radius, rest, EA, a2, a3 = cable.radius, cable.rest_length, cable.EA, cable.a2, cable.a3
+    radius, rest, law = cable.radius, cable.rest_length, cable.law
     L = rest - cable.wrapped
     G, weight = cable.wrapped + cable.behind, cable.weight * L
     length, fx, fy, fz, free, _, _, _, _, wrap, clear = _wheel_path(x, y, z, cable)
     eps = max((length - rest) / (rest + cable.behind), 0.0)
     # The line that touches the law where the cable would be without mass: tau = (eps - (mu - 1)) EAb/mu.
-    mu, EAb, nonlinear = 1.0, EA, a2 != 0.0 or a3 != 0.0
+    mu, EAb, nonlinear = 1.0, law[0], not cable_law.linear(law)
     if nonlinear:
-        k, e = cable_law.tangent(eps, 1.0, EA, a2, a3)
+        k, e = cable_law.tangent(eps, 1.0, law)
         mu = 1 + eps - e
         EAb = mu * k
     size = np.sqrt(x * x + y * y + z * z) + rest
@@ -277,11 +279,11 @@ def _guided(t, cable, G, row, elastic):
     """Of wheel, massless part and part behind: (∂Psi/∂t, ∂²Psi/∂t², Psi) at the tension vector t."""
     T = np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     u = (t[0] / T, t[1] / T, t[2] / T)
-    eps, slope, energy = strain_of(T, cable.EA, cable.a2, cable.a3)
+    eps, slope, energy = strain_of(T, cable.law)
     f, wider = cable.wrapped + G * eps, G * slope
     Psi = G * (T * (1 + eps) - energy) - cable.behind * T
     if not elastic:  # the rope behind the exit, with all that a memory makes the cable longer
-        more, per_newton, work = stretch_at_exit(T, cable.rest_length, cable.behind, cable.EA, cable.a2, cable.a3, row)
+        more, per_newton, work = stretch_at_exit(T, cable.rest_length, cable.behind, cable.law, row)
         f, wider = cable.wrapped * (1 + eps) + more, cable.wrapped * slope + per_newton
         Psi = cable.wrapped * (T * (1 + eps) - energy) + work
     if cable.radius == 0.0:
@@ -307,7 +309,7 @@ def _add_missed(t, cable, L, mu, EAb, D, H, Psi):
         m, v = L * WEIGHTS[j], t[2] + cable.weight * L * NODES[j]
         T = np.sqrt(t[0] * t[0] + t[1] * t[1] + v * v)
         u = (t[0] / T, t[1] / T, v / T)
-        eps, slope, energy = strain_of(T, cable.EA, cable.a2, cable.a3)
+        eps, slope, energy = strain_of(T, cable.law)
         more = m * (1 + eps - mu - T * mu / EAb)
         D = (D[0] + more * u[0], D[1] + more * u[1], D[2] + more * u[2])
         A = _around(more / T, m * (slope - mu / EAb) - more / T, u)

@@ -1,502 +1,393 @@
 """Cables in compiled code: their state at a pose, and their parts of the energy, its slope and its curvature.
 
 Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
-them. There are four types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
-fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass;
-ones *with memory* are bent ones, some with a memory (``memory_kernel``). Sagging ones are no
-springs along their paths: their state has pulls and stiffness matrices, and no springs, so that loops over springs are
-empty. Kernels are compiled once for each type.
+them. One array has the numbers of all cables of one robot, whatever their kind: a row for each quantity, a column for
+each cable. Row by row, the compiler computes two to eight cables at once, since loops over cables have no branch and
+rows have a constant distance (``compiling.STRIDE``). A quantity is the index where its row begins: ``s[UX + i]`` is
+that of cable i.
+
+The *kind* of the cables is a number, by which whole loops are skipped: PLAIN cables are straight and linear; BENT ones,
+some of them, run over pulleys or have nonlinear laws; those WITH_MEMORY have laws of ``memory_kernel``; SAGGING ones,
+some of them, have mass. SAGGING cables are no springs along their paths: they have pulls and stiffness matrices
+(``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1.
+
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from importlib import import_module
-from typing import Any, NamedTuple
+import math
 
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.core.compiling import Kernel, by_type, inline, matrix, nowhere, outlined, vector, where
+from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
+from cdpr_sim.core.compiling import STRIDE, inline, outlined
 from cdpr_sim.statics.any_cable import any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
+
+PLAIN, BENT, WITH_MEMORY, SAGGING = range(4)
+"""Kinds of cables."""
 
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
+AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, WHEEL, EX, EY, EZ, HIND, SIZE, EA = range(0, 16 * STRIDE, STRIDE)
+"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch, with
+what lies behind the exits; the wheels' radius and axis; what lies behind the exits; one number, the largest coordinate
+of an exit; and the law, of which EA is the first row."""
 
-class Cables(NamedTuple):
-    """Data of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per length that stretches."""
+RX, RY, RZ, UX, UY, UZ, L, F, K, E = range(0, 10 * STRIDE, STRIDE)
+"""State at a pose: arms of the anchors in the base frame; directions in which the cables pull; lengths; inverses of the
+lengths of their free segments; the tangent springs K max(E, 0) of the law."""
 
-    A: np.ndarray
-    B: np.ndarray
-    l0: np.ndarray
-    k: np.ndarray
+CX, CY, CZ, BEND, CLEAR = range(10 * STRIDE, 15 * STRIDE, STRIDE)
+"""State of cables that are not plain: across, bend and clear of ``cable_path.pulley_path``, 0 without a wheel."""
 
+PX, PY, PZ, XX, XY, YY, XZ, YZ, ZZ, ENERGY, TENSION = range(15 * STRIDE, 26 * STRIDE, STRIDE)
+"""State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, and tension at the anchors."""
 
-class CableState(NamedTuple):
-    """State of plain cables at a pose.
+DATA_ROWS, STATE_ROWS = 15 + LAW, 26
 
-    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: inverses of the
-    lengths of their free segments; k, e: the tangent springs k max(e, 0) of the law.
-    """
+J, ROW, TAU, Q, TAUT, PULL, WEIGHTS, PREDICTED = (STRIDE * row for row in (0, 6, 12, 13, 14, 15, 16, 17))
+"""Rows of the local model: ∂l/∂x, six rows; six rows of scratch; tensions; q; 1 where taut; forces; weights of
+products; predicted stretches."""
 
-    r: np.ndarray
-    u: np.ndarray
-    l: np.ndarray  # noqa: E741
-    f: np.ndarray
-    k: np.ndarray
-    e: np.ndarray
-
-
-class BentCables(NamedTuple):
-    """Data of cables that may run over pulleys and have nonlinear laws.
-
-    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per length that stretches; EA, a2, a3: coefficients of
-    the law; whole: lengths that stretch, with what lies behind the exits; radius, axis: of the pulleys; table: that
-    from which they come, of lanes the first one.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    l0: np.ndarray
-    k: np.ndarray
-    EA: np.ndarray
-    a2: np.ndarray
-    a3: np.ndarray
-    whole: np.ndarray
-    radius: np.ndarray
-    axis: np.ndarray
-    table: np.ndarray
-
-
-class BentState(NamedTuple):
-    """State of bent cables at a pose.
-
-    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: inverses of the
-    lengths of their free segments; across, bend, clear: of cables over pulleys, else 0; k, e: the tangent springs
-    k max(e, 0) of the law; row: a row of scratch numbers, (1, 6).
-    """
-
-    r: np.ndarray
-    u: np.ndarray
-    l: np.ndarray  # noqa: E741
-    f: np.ndarray
-    across: np.ndarray
-    bend: np.ndarray
-    clear: np.ndarray
-    k: np.ndarray
-    e: np.ndarray
-    row: np.ndarray
-
-
-class SaggingCables(BentCables):
-    """Data of cables of any kind."""
-
-
-class CablesWithMemory(BentCables):
-    """Data of massless cables of which some have a memory."""
-
-
-class SaggingState(NamedTuple):
-    """State of sagging cables at a pose.
-
-    r: arms of the anchors in the base frame; pull: forces on the anchors; stiffness: xx, xy, yy, xz, yz, zz; l: lengths
-    of the massless paths; energy; tension: at the anchors; clear: nan over a pulley without a path; u, k, e: of no
-    springs.
-    """
-
-    r: np.ndarray
-    pull: np.ndarray
-    stiffness: np.ndarray
-    l: np.ndarray  # noqa: E741
-    energy: np.ndarray
-    tension: np.ndarray
-    clear: np.ndarray
-    u: np.ndarray
-    k: np.ndarray
-    e: np.ndarray
+MODEL_ROWS = 18
 
 
 @inline
-def new_plain(room, table):
-    """Plain cables, to be filled in by ``load``."""
-    m = len(table)
-    return Cables(matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m))
-
-
-def _new(kind: type) -> Callable:
-    """Makes that function for other cables."""
-
-    @inline
-    def new_cables(room, table):
-        m = len(table)
-        return kind(
-            matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), vector(room, m), vector(room, m),
-            vector(room, m), vector(room, m), vector(room, m), matrix(room, m, 3), table,
+def load_table(d, table):
+    """Fill in the data of cables but for their lengths; return their kind, if they have no mass."""
+    bent, size = False, 0.0
+    for i in range(len(table)):
+        d[AX + i], d[AY + i], d[AZ + i] = table[i, EXIT], table[i, EXIT + 1], table[i, EXIT + 2]
+        d[BX + i], d[BY + i], d[BZ + i] = table[i, ANCHOR], table[i, ANCHOR + 1], table[i, ANCHOR + 2]
+        for k in range(LAW):
+            d[EA + k * STRIDE + i] = table[i, STIFFNESS + k]
+        d[WHEEL + i], d[EX + i], d[EY + i], d[EZ + i] = (
+            table[i, RADIUS], table[i, AXIS], table[i, AXIS + 1], table[i, AXIS + 2]
         )  # fmt: skip
-
-    new_cables.__qualname__ = f"new_{kind.__name__}"  # by which Numba names machine code
-    return new_cables
-
-
-@by_type
-def load(cables, table, rest_lengths, lane):
-    """Write the cables of one problem, on lanes into the lane (w,), otherwise (), from the table and rest lengths."""
-    _load_plain(cables, table, rest_lengths, lane)
-
-
-@load.of(BentCables, SaggingCables, CablesWithMemory)
-def _load_bent(cables, table, rest_lengths, lane):
-    _load_plain(cables, table, rest_lengths, lane)
-    for i in range(len(rest_lengths)):
-        at = (i, *lane)
-        for a in range(3):
-            cables.axis[(i, a, *lane)] = table[i, AXIS + a]
-        cables.EA[at], cables.whole[at] = table[i, STIFFNESS], rest_lengths[i] + table[i, BEHIND]
-        cables.a2[at], cables.a3[at] = table[i, STIFFENING], table[i, STIFFENING + 1]
-        cables.radius[at] = table[i, RADIUS]
+        d[HIND + i] = table[i, BEHIND]
+        size = max(size, max(abs(d[AX + i]), max(abs(d[AY + i]), abs(d[AZ + i]))))
+        bent |= d[WHEEL + i] > 0.0 or not cable_law.linear(law(d, i))
+    d[SIZE] = size
+    if table.shape[1] > COLUMNS:
+        return WITH_MEMORY
+    return BENT if bent else PLAIN
 
 
 @inline
-def _load_plain(cables, table, rest_lengths, lane):
-    for i in range(len(rest_lengths)):
-        at = (i, *lane)
-        for a in range(3):
-            cables.A[(i, a, *lane)], cables.B[(i, a, *lane)] = table[i, EXIT + a], table[i, ANCHOR + a]
-        cables.l0[at] = rest_lengths[i]
-        cables.k[at] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
-
-
-TYPES = {
-    "": new_plain,
-    " for pulleys and nonlinear laws": _new(BentCables),
-    " for cables with mass": _new(SaggingCables),
-    " for cables with a memory": _new(CablesWithMemory),
-}
-"""By what follows the name of a kernel that is compiled for a type of cables."""
-
-PLAIN, BENT, SAGGING, WITH_MEMORY = range(len(TYPES))
-"""Their indices; of massless cables without a memory, the index is ``Cabling.bent``."""
-
-
-def kernels(what: str, element: Callable, layout: str, lanes: str = "", **options: Any) -> list[Kernel]:
-    """A kernel for each of ``TYPES``; ``element`` makes its code for one of them.
-
-    Plain and bent cables are also evaluated on lanes, by the code that the function ``lanes`` makes, "module.function".
-    Other options are those of ``compiling.Kernel``.
-    """
-
-    def on_lanes(new_cables: Callable) -> Callable:
-        module, function = lanes.split(".")
-        return getattr(import_module(f"cdpr_sim.statics.{module}"), function)(new_cables)
-
-    return [
-        Kernel(
-            what + name, element(new_cables), layout, **options,
-            lanes=partial(on_lanes, new_cables) if lanes and kind in (PLAIN, BENT) else None,
-        )
-        for kind, (name, new_cables) in enumerate(TYPES.items())
-    ]  # fmt: skip
-
-
-@by_type
-def new_state(cables, room):
-    """A state of the cables that is to be measured; the stiffness of plain ones is constant."""
-    m = len(cables.l0)
-    return CableState(
-        matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), cables.k, vector(room, m)
-    )
-
-
-@new_state.of(BentCables, CablesWithMemory)
-def _new_bent_state(cables, room):
-    m = len(cables.l0)
-    return BentState(
-        matrix(room, m, 3), matrix(room, m, 3), vector(room, m), vector(room, m), matrix(room, m, 3),
-        vector(room, m), vector(room, m), vector(room, m), vector(room, m), matrix(room, 1, 6),
-    )  # fmt: skip
-
-
-@new_state.of(SaggingCables)
-def _new_sagging_state(cables, room):
-    m = len(cables.l0)
-    return SaggingState(
-        matrix(room, m, 3), matrix(room, m, 3), matrix(room, m, 6), vector(room, m), vector(room, m),
-        vector(room, m), vector(room, m), matrix(room, 0, 3), vector(room, 0), vector(room, 0),
-    )  # fmt: skip
-
-
-@by_type
-def _law(cables, i, stretch):
-    """The tangent spring of cable i."""
-    return cable_law.tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
-
-
-@_law.of(CablesWithMemory)
-def _memory_law(cables, i, stretch):
-    k, e, _ = _memory_spring(cables, i, stretch)
-    return k, e
+def law(d, i):
+    """The law of cable i."""
+    return cable_law.at(d, EA + i, STRIDE)
 
 
 @inline
-def _memory_spring(cables, i, stretch):
-    """The tangent spring of cable i with a memory, and its energy."""
-    behind, row = cables.whole[i] - cables.l0[i], cables.table[i, COLUMNS:]
-    return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], row)
+def load_lengths(d, rest_lengths):
+    """Fill in rest lengths, and what follows from them."""
+    for i in range(len(rest_lengths)):
+        d[L0 + i], d[WHOLE + i] = rest_lengths[i], rest_lengths[i] + d[HIND + i]
+        d[STIFF + i] = d[EA + i] / d[WHOLE + i]
 
 
-@by_type
-def measure(cables, p, R, state):
-    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
-    A, B, l0 = cables.A, cables.B, cables.l0
-    r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
-    for i in range(len(l0)):
-        for a in range(3):
-            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-        length, x, y, z, free = cable_path.path(
-            A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
-        )
+@inline
+def measure(d, table, kind, p, R, s):
+    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9)."""
+    m = len(table)
+    px, py, pz = p[0], p[1], p[2]
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = (
+        R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]
+    )  # fmt: skip
+    for i in range(m):
+        bx, by, bz = d[BX + i], d[BY + i], d[BZ + i]
+        rx, ry, rz = xx * bx + xy * by + xz * bz, yx * bx + yy * by + yz * bz, zx * bx + zy * by + zz * bz
+        length, x, y, z, free = cable_path.path(d[AX + i] - px - rx, d[AY + i] - py - ry, d[AZ + i] - pz - rz)
         inverse = 1 / max(free, NO_LENGTH)
-        u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
-        l[i], state.f[i] = length, inverse
-        e[i] = length - l0[i]
+        s[RX + i], s[RY + i], s[RZ + i] = rx, ry, rz
+        s[UX + i], s[UY + i], s[UZ + i] = x * inverse, y * inverse, z * inverse
+        s[L + i], s[F + i] = length, inverse
+        s[K + i], s[E + i] = d[STIFF + i], length - d[L0 + i]
+    if kind == PLAIN:
+        return
+    if kind == SAGGING:
+        _measure_sagging(d, table, px, py, pz, s)
+        return
+    wheels = 0.0
+    for i in range(m):
+        wheels += d[WHEEL + i]
+        s[CX + i], s[CY + i], s[CZ + i], s[BEND + i], s[CLEAR + i] = 0.0, 0.0, 0.0, 0.0, 0.0
+    if wheels > 0.0:
+        for i in range(m):
+            x, y, z = d[AX + i] - px - s[RX + i], d[AY + i] - py - s[RY + i], d[AZ + i] - pz - s[RZ + i]
+            length, x, y, z, free, cx, cy, cz, bend, _, clear = cable_path.pulley_path(
+                x, y, z, d[EX + i], d[EY + i], d[EZ + i], d[WHEEL + i]
+            )
+            over, inverse = d[WHEEL + i] > 0.0, 1 / free
+            s[UX + i], s[UY + i], s[UZ + i] = (
+                x * inverse if over else s[UX + i], y * inverse if over else s[UY + i],
+                z * inverse if over else s[UZ + i],
+            )  # fmt: skip
+            s[L + i], s[F + i] = length if over else s[L + i], inverse if over else s[F + i]
+            s[CX + i], s[CY + i], s[CZ + i] = cx if over else 0.0, cy if over else 0.0, cz if over else 0.0
+            s[BEND + i], s[CLEAR + i] = bend if over else 0.0, clear if over else 0.0
+    if kind == WITH_MEMORY:
+        for i in range(m):
+            s[K + i], s[E + i], _ = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
+        return
+    for i in range(m):
+        s[K + i], s[E + i] = cable_law.tangent(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
 
 
-@measure.of(BentCables, CablesWithMemory)
-def _measure_bent(cables, p, R, state):
-    A, B, l0 = cables.A, cables.B, cables.l0
-    r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
-    across, bend, clear = state.across, state.bend, state.clear
-    for i in range(len(l0)):
-        for a in range(3):
-            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-        x, y, z = A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
-        length, u[i, 0], u[i, 1], u[i, 2], free = cable_path.path(x, y, z)
-        for a in range(3):
-            across[i, a] = 0.0
-        bend[i], clear[i], wheel = 0.0, 0.0, cables.radius[i] > 0
-        if not nowhere(wheel):
-            ex, ey, ez = cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2]
-            over = cable_path.pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
-            length, free = where(wheel, over[0], length), where(wheel, over[4], free)
-            for a in range(3):
-                u[i, a], across[i, a] = where(wheel, over[1 + a], u[i, a]), where(wheel, over[5 + a], 0.0)
-            bend[i], clear[i] = where(wheel, over[8], 0.0), where(wheel, over[10], 0.0)
-        inverse = 1 / free
-        for a in range(3):
-            u[i, a] *= inverse
-        l[i] = length
-        state.k[i], e[i] = _law(cables, i, length - l0[i])
-        state.f[i] = inverse
-
-
-@measure.of(SaggingCables)
 @outlined
-def _measure_sagging(cables, p, R, state):
-    A, B, r, f, k = cables.A, cables.B, state.r, state.pull, state.stiffness
-    for i in range(len(cables.l0)):
-        for a in range(3):
-            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-        x, y, z = p[0] + r[i, 0] - A[i, 0], p[1] + r[i, 1] - A[i, 1], p[2] + r[i, 2] - A[i, 2]
+def _measure_sagging(d, table, px, py, pz, s):
+    for i in range(len(table)):
+        x, y, z = px + s[RX + i] - d[AX + i], py + s[RY + i] - d[AY + i], pz + s[RZ + i] - d[AZ + i]
         (
-            f[i, 0], f[i, 1], f[i, 2], k[i, 0], k[i, 1], k[i, 2], k[i, 3], k[i, 4], k[i, 5], state.energy[i], _,
-            state.tension[i], state.l[i], state.clear[i],
-        ) = any_cable(x, y, z, cable_of(cables.table[i], cables.l0[i]), cables.table[i, COLUMNS:])  # fmt: skip
+            s[PX + i], s[PY + i], s[PZ + i], s[XX + i], s[XY + i], s[YY + i], s[XZ + i], s[YZ + i], s[ZZ + i],
+            s[ENERGY + i], _, s[TENSION + i], s[L + i], s[CLEAR + i],
+        ) = any_cable(x, y, z, cable_of(table[i], d[L0 + i]), table[i, COLUMNS:])  # fmt: skip
+        s[K + i], s[E + i] = 0.0, -1.0
 
 
-@by_type
-def elastic_energy(cables, state, V):
-    """V and the energy of the cables."""
-    for i in range(len(cables.l0)):
-        if nowhere(state.e[i] > 0):
-            continue
-        V += where(state.e[i] > 0, cable_law.energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0), 0.0)
-    return V
+@outlined
+def _memory_spring(d, table, i, stretch):
+    """The tangent spring of cable i with a memory, and its energy."""
+    return memory_spring(stretch, d[L0 + i], d[HIND + i], law(d, i), table[i, COLUMNS:])
 
 
-@elastic_energy.of(BentCables)
-def _bent_energy(cables, state, V):
-    for i in range(len(cables.l0)):
-        pulls = (state.e[i] > 0) | (state.e[i] != state.e[i])  # nan without a path, which no step may lead to
-        if nowhere(pulls):
-            continue
-        stretch = state.l[i] - cables.l0[i]
-        V += where(pulls, cable_law.energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i]), 0.0)
-    return V
+@inline
+def energy(d, table, kind, s):
+    """Energy of the cables; nan without a path, which no step may lead to."""
+    m, total = len(table), 0.0
+    if kind == PLAIN:
+        for i in range(m):
+            stretch = max(s[E + i], 0.0)
+            total += 0.5 * s[K + i] * (stretch * stretch)
+    elif kind == BENT:
+        for i in range(m):
+            # A slack cable's may be 0 times infinity.
+            own = cable_law.energy(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
+            total += 0.0 if s[E + i] <= 0.0 else own
+    elif kind == WITH_MEMORY:
+        for i in range(m):
+            if not s[E + i] <= 0.0:
+                _, _, own = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
+                total += own
+    else:
+        for i in range(m):
+            total += s[ENERGY + i]
+    return total
 
 
-@elastic_energy.of(CablesWithMemory)
-def _memory_energy(cables, state, V):
-    for i in range(len(cables.l0)):
-        if state.e[i] > 0 or state.e[i] != state.e[i]:
-            _, _, energy = _memory_spring(cables, i, state.l[i] - cables.l0[i])
-            V += energy
-    return V
-
-
-@elastic_energy.of(SaggingCables)
-def _sagging_energy(cables, state, V):
-    for i in range(len(cables.l0)):
-        V += state.energy[i]
-    return V
-
-
-@by_type
-def on_wheels(state):
+@inline
+def on_wheels(kind, s, m):
     """Whether every cable has a path over its wheel."""
-    return True
-
-
-@on_wheels.of(BentState, SaggingState)
-def _bent_on_wheels(state):
-    on = True
-    for i in range(len(state.clear)):
-        on &= state.clear[i] >= 0  # nan inside the wheel
-    return on
-
-
-@by_type
-def fill_tensions(cables, state, table, tensions):
-    """Fill in the tensions at the anchors."""
-    for i in range(len(tensions)):
-        stretch = 0.0 if state.e[i] <= 0 else state.e[i]  # lets nan through to the result
-        tensions[i] = table[i, STIFFNESS] * stretch / (cables.l0[i] + table[i, BEHIND])
-
-
-@fill_tensions.of(BentCables, CablesWithMemory)
-def _fill_bent_tensions(cables, state, table, tensions):
-    for i in range(len(tensions)):
-        tensions[i] = 0.0 if state.e[i] <= 0 else state.k[i] * state.e[i]
-
-
-@fill_tensions.of(SaggingCables)
-def _fill_sagging_tensions(cables, state, table, tensions):
-    for i in range(len(tensions)):
-        tensions[i] = state.tension[i]
+    off = 0
+    if kind != PLAIN:
+        for i in range(m):
+            off += 0 if s[CLEAR + i] >= 0.0 else 1  # nan inside the wheel
+    return off == 0
 
 
 @inline
-def fill_jacobian(state, scale, J):
-    """J = ∂l/∂x, (cables, 6): minus the columns of the wrench matrix (Eq. 4)."""
-    r, u = state.r, state.u
+def tension(kind, s, i):
+    """Tension of cable i at its anchor; nan where its stretch is."""
+    if kind == SAGGING:
+        return s[TENSION + i]
+    return 0.0 if s[E + i] <= 0.0 else s[K + i] * s[E + i]
+
+
+@inline
+def fill_jacobian(s, scale, m, w):
+    """Fill in ∂l/∂x: minus the columns of the wrench matrix (Eq. 4)."""
     per_scale = 1 / scale
-    for i in range(len(u)):
-        J[i, 0], J[i, 1], J[i, 2] = -u[i, 0], -u[i, 1], -u[i, 2]
-        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
-        J[i, 3] = z * u[i, 1] - y * u[i, 2]
-        J[i, 4] = x * u[i, 2] - z * u[i, 0]
-        J[i, 5] = y * u[i, 0] - x * u[i, 1]
+    for i in range(m):
+        ux, uy, uz = s[UX + i], s[UY + i], s[UZ + i]
+        x, y, z = s[RX + i] * per_scale, s[RY + i] * per_scale, s[RZ + i] * per_scale
+        w[J + i], w[J + STRIDE + i], w[J + 2 * STRIDE + i] = -ux, -uy, -uz
+        w[J + 3 * STRIDE + i] = z * uy - y * uz
+        w[J + 4 * STRIDE + i] = x * uz - z * ux
+        w[J + 5 * STRIDE + i] = y * ux - x * uy
 
 
 @inline
-def _add_plain_curvature(state, i, tau, per_scale, K):
-    """The same for plain cables.
+def add_forces(w, pull, m, g):
+    """Add Jᵀ pull to g: the slope of forces along the cables, which begin at ``w[pull]``."""
+    f0, f1, f2, f3, f4, f5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        t = w[pull + i]
+        f0 += t * w[J + i]
+        f1 += t * w[J + STRIDE + i]
+        f2 += t * w[J + 2 * STRIDE + i]
+        f3 += t * w[J + 3 * STRIDE + i]
+        f4 += t * w[J + 4 * STRIDE + i]
+        f5 += t * w[J + 5 * STRIDE + i]
+    g[0] += f0
+    g[1] += f1
+    g[2] += f2
+    g[3] += f3
+    g[4] += f4
+    g[5] += f5
+
+
+@inline
+def add_products(w, rows, weights, m, H, A):
+    """Fill in the lower half of A = H + Σ weight row rowᵀ of all cables, (6, 6), of six rows that begin at ``w[rows]``.
+
+    Two rows of A at a time: seven sums, which fit into the processor's registers.
+    """
+    a, b = 0.0, 0.0
+    h0, h1, h2, h3, h4, h5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        j0, j1, j2 = w[rows + i], w[rows + STRIDE + i], w[rows + 2 * STRIDE + i]
+        j3, j4, j5 = w[rows + 3 * STRIDE + i], w[rows + 4 * STRIDE + i], w[rows + 5 * STRIDE + i]
+        a += w[weights + i] * j0 * j0
+        t = w[weights + i] * j5
+        h0 += t * j0
+        h1 += t * j1
+        h2 += t * j2
+        h3 += t * j3
+        h4 += t * j4
+        h5 += t * j5
+    A[0, 0] = H[0, 0] + a
+    A[5, 0], A[5, 1], A[5, 2] = H[5, 0] + h0, H[5, 1] + h1, H[5, 2] + h2
+    A[5, 3], A[5, 4], A[5, 5] = H[5, 3] + h3, H[5, 4] + h4, H[5, 5] + h5
+    a, b = 0.0, 0.0
+    h0, h1, h2, h3, h4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        j0, j1, j2 = w[rows + i], w[rows + STRIDE + i], w[rows + 2 * STRIDE + i]
+        j3, j4 = w[rows + 3 * STRIDE + i], w[rows + 4 * STRIDE + i]
+        t, u = w[weights + i] * j4, w[weights + i] * j1
+        a += u * j0
+        b += u * j1
+        h0 += t * j0
+        h1 += t * j1
+        h2 += t * j2
+        h3 += t * j3
+        h4 += t * j4
+    A[1, 0], A[1, 1] = H[1, 0] + a, H[1, 1] + b
+    A[4, 0], A[4, 1], A[4, 2] = H[4, 0] + h0, H[4, 1] + h1, H[4, 2] + h2
+    A[4, 3], A[4, 4] = H[4, 3] + h3, H[4, 4] + h4
+    a, b, c = 0.0, 0.0, 0.0
+    h0, h1, h2, h3 = 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        j0, j1, j2, j3 = w[rows + i], w[rows + STRIDE + i], w[rows + 2 * STRIDE + i], w[rows + 3 * STRIDE + i]
+        t, u = w[weights + i] * j3, w[weights + i] * j2
+        a += u * j0
+        b += u * j1
+        c += u * j2
+        h0 += t * j0
+        h1 += t * j1
+        h2 += t * j2
+        h3 += t * j3
+    A[2, 0], A[2, 1], A[2, 2] = H[2, 0] + a, H[2, 1] + b, H[2, 2] + c
+    A[3, 0], A[3, 1], A[3, 2], A[3, 3] = H[3, 0] + h0, H[3, 1] + h1, H[3, 2] + h2, H[3, 3] + h3
+
+
+@inline
+def add_curvature(kind, s, scale, m, w, H):
+    """Add Σ tau ∂²l/∂x² + q J Jᵀ to the lower half of H, (6, 6); fill in q = tau f. tau and q are rows of w.
 
     ∂²l/∂x² = (DᵀD − J Jᵀ) f + bend (Dᵀb)(Dᵀb)ᵀ + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], b across the
     wheel, and uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left. The part −q J Jᵀ is
-    left out, since it is added with that of the spring (``add_along``).
+    left out, since it is added with that of the spring (``add_products``). SAGGING cables have DᵀkD in its place.
     """
-    r, u = state.r, state.u
-    q = tau * state.f[i]
-    x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
-    K[0, 0] += q
-    K[1, 1] += q
-    K[2, 2] += q
-    K[3, 1] -= q * z
-    K[3, 2] += q * y
-    K[4, 0] += q * z
-    K[4, 2] -= q * x
-    K[5, 0] -= q * y
-    K[5, 1] += q * x
-    K[3, 3] += q * (y * y + z * z)
-    K[4, 4] += q * (x * x + z * z)
-    K[5, 5] += q * (x * x + y * y)
-    K[4, 3] -= q * x * y
-    K[5, 3] -= q * x * z
-    K[5, 4] -= q * y * z
-    t = tau * per_scale
-    _add_dipole(t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z, K)
-    return q
+    per_scale = 1 / scale
+    if kind == SAGGING:
+        for i in range(m):
+            w[Q + i] = 0.0
+        _add_sagging_curvature(s, per_scale, m, H)
+        return
+    h0, hx, hy, hz = 0.0, 0.0, 0.0, 0.0
+    h33, h44, h55, h43, h53, h54 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(m):
+        tau = w[TAU + i]
+        q, t = tau * s[F + i], tau * per_scale
+        w[Q + i] = q
+        x, y, z = s[RX + i] * per_scale, s[RY + i] * per_scale, s[RZ + i] * per_scale
+        fx, fy, fz = t * s[UX + i], t * s[UY + i], t * s[UZ + i]
+        h0 += q
+        hx += q * x
+        hy += q * y
+        hz += q * z
+        h33 += (q * y + fy) * y + (q * z + fz) * z
+        h44 += (q * x + fx) * x + (q * z + fz) * z
+        h55 += (q * x + fx) * x + (q * y + fy) * y
+        h43 += q * x * y + 0.5 * (fx * y + fy * x)
+        h53 += q * x * z + 0.5 * (fx * z + fz * x)
+        h54 += q * y * z + 0.5 * (fy * z + fz * y)
+    H[0, 0] += h0
+    H[1, 1] += h0
+    H[2, 2] += h0
+    H[3, 1] -= hz
+    H[3, 2] += hy
+    H[4, 0] += hz
+    H[4, 2] -= hx
+    H[5, 0] -= hy
+    H[5, 1] += hx
+    H[3, 3] += h33
+    H[4, 4] += h44
+    H[5, 5] += h55
+    H[4, 3] -= h43
+    H[5, 3] -= h53
+    H[5, 4] -= h54
+    if kind == PLAIN:
+        return
+    bends = 0.0
+    for i in range(m):
+        bends += abs(w[TAU + i] * s[BEND + i])
+    if bends == 0.0:
+        return
+    for i in range(m):
+        x, y, z = s[RX + i] * per_scale, s[RY + i] * per_scale, s[RZ + i] * per_scale
+        bx, by, bz = s[CX + i], s[CY + i], s[CZ + i]
+        w[ROW + i], w[ROW + STRIDE + i], w[ROW + 2 * STRIDE + i] = bx, by, bz
+        w[ROW + 3 * STRIDE + i], w[ROW + 4 * STRIDE + i] = y * bz - z * by, z * bx - x * bz
+        w[ROW + 5 * STRIDE + i], w[WEIGHTS + i] = x * by - y * bx, w[TAU + i] * s[BEND + i]
+    add_products(w, ROW, WEIGHTS, m, H, H)
 
 
-@by_type
-def add_curvature(state, i, tau, per_scale, K):
-    """Add tau ∂²l/∂x² + q J Jᵀ of cable i to the lower half of K, (6, 6); return q = tau f."""
-    return _add_plain_curvature(state, i, tau, per_scale, K)
-
-
-@add_curvature.of(BentState)
-def _add_bent_curvature(state, i, tau, per_scale, K):
-    if not nowhere(state.bend[i] != 0.0):
-        x, y, z = state.r[i, 0] * per_scale, state.r[i, 1] * per_scale, state.r[i, 2] * per_scale
-        b, row = state.across, state.row
-        row[0, 0], row[0, 1], row[0, 2] = b[i, 0], b[i, 1], b[i, 2]
-        row[0, 3] = y * b[i, 2] - z * b[i, 1]
-        row[0, 4] = z * b[i, 0] - x * b[i, 2]
-        row[0, 5] = x * b[i, 1] - y * b[i, 0]
-        add_along(tau * state.bend[i], row, 0, K)
-    return _add_plain_curvature(state, i, tau, per_scale, K)
-
-
-@add_curvature.of(SaggingState)
-def _add_no_curvature(state, i, tau, per_scale, K):
-    return 0.0
-
-
-@by_type
-def add_stiffness(state, scale, K):
-    """Add the curvature of all cables that are no springs to the lower half of K."""
-
-
-@add_stiffness.of(SaggingState)
 @outlined
-def _add_sagging_stiffness(state, scale, K):
+def _add_sagging_curvature(s, per_scale, m, H):
     """Add the curvature of the cables' energy, Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)] with D = [1, −[r]×]."""
-    for i in range(len(state.l)):
-        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
-        xx, xy, yy, xz, yz, zz = state.stiffness[i]
-        K[0, 0] += xx
-        K[1, 0] += xy
-        K[1, 1] += yy
-        K[2, 0] += xz
-        K[2, 1] += yz
-        K[2, 2] += zz
+    for i in range(m):
+        x, y, z = s[RX + i] * per_scale, s[RY + i] * per_scale, s[RZ + i] * per_scale
+        xx, xy, yy, xz, yz, zz = s[XX + i], s[XY + i], s[YY + i], s[XZ + i], s[YZ + i], s[ZZ + i]
+        H[0, 0] += xx
+        H[1, 0] += xy
+        H[1, 1] += yy
+        H[2, 0] += xz
+        H[2, 1] += yz
+        H[2, 2] += zz
         # Columns of k D for rotations: k (e × r), of the axes e in turn.
         ax, ay, az = y * xz - z * xy, y * yz - z * yy, y * zz - z * yz
         bx, by, bz = z * xx - x * xz, z * xy - x * yz, z * xz - x * zz
         cx, cy, cz = x * xy - y * xx, x * yy - y * xy, x * yz - y * xz
-        K[3, 0] += ax
-        K[3, 1] += ay
-        K[3, 2] += az
-        K[4, 0] += bx
-        K[4, 1] += by
-        K[4, 2] += bz
-        K[5, 0] += cx
-        K[5, 1] += cy
-        K[5, 2] += cz
-        K[3, 3] += y * az - z * ay
-        K[4, 3] += z * ax - x * az
-        K[4, 4] += z * bx - x * bz
-        K[5, 3] += x * ay - y * ax
-        K[5, 4] += x * by - y * bx
-        K[5, 5] += x * cy - y * cx
-        _add_dipole(state.pull[i, 0] / scale, state.pull[i, 1] / scale, state.pull[i, 2] / scale, x, y, z, K)
+        H[3, 0] += ax
+        H[3, 1] += ay
+        H[3, 2] += az
+        H[4, 0] += bx
+        H[4, 1] += by
+        H[4, 2] += bz
+        H[5, 0] += cx
+        H[5, 1] += cy
+        H[5, 2] += cz
+        H[3, 3] += y * az - z * ay
+        H[4, 3] += z * ax - x * az
+        H[4, 4] += z * bx - x * bz
+        H[5, 3] += x * ay - y * ax
+        H[5, 4] += x * by - y * bx
+        H[5, 5] += x * cy - y * cx
+        add_dipole(s[PX + i] * per_scale, s[PY + i] * per_scale, s[PZ + i] * per_scale, x, y, z, H)
 
 
-@by_type
-def subtract_pulls(state, scale, g):
-    """Subtract from a slope the pulls of all cables that are no springs."""
-
-
-@subtract_pulls.of(SaggingState)
-def _subtract_sagging_pulls(state, scale, g):
-    for i in range(len(state.l)):
-        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
-        fx, fy, fz = state.pull[i, 0], state.pull[i, 1], state.pull[i, 2]
+@outlined
+def subtract_pulls(s, scale, m, g):
+    """Subtract from a slope the pulls of SAGGING cables."""
+    for i in range(m):
+        x, y, z = s[RX + i] / scale, s[RY + i] / scale, s[RZ + i] / scale
+        fx, fy, fz = s[PX + i], s[PY + i], s[PZ + i]
         g[0] -= fx
         g[1] -= fy
         g[2] -= fz
@@ -506,60 +397,48 @@ def _subtract_sagging_pulls(state, scale, g):
 
 
 @inline
-def add_weight_curvature(weight, com, R, scale, K):
-    """Add the curvature of m g z_com to the lower half of K."""
+def add_weight_curvature(weight, com, R, scale, H):
+    """Add the curvature of m g z_com to the lower half of H."""
     x = (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) / scale
     y = (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) / scale
     z = (R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2]) / scale
-    _add_dipole(0.0, 0.0, -weight / scale, x, y, z, K)
+    add_dipole(0.0, 0.0, -weight / scale, x, y, z, H)
 
 
 @inline
-def add_springs(state, q, J, K):
-    """Add Σ (k − q) J Jᵀ of all cables to the lower half of K, k of the taut ones only."""
-    for i in range(len(state.e)):
-        add_along(where(state.e[i] > 0, state.k[i], 0.0) - q[i], J, i, K)
+def add_springs(s, m, w, H, A):
+    """Fill in the lower half of A = H + Σ (k − q) J Jᵀ of all cables, k of the taut ones only."""
+    for i in range(m):
+        w[WEIGHTS + i] = (s[K + i] if s[E + i] > 0.0 else 0.0) - w[Q + i]
+    add_products(w, J, WEIGHTS, m, H, A)
 
 
 @inline
-def add_along(stiffness, J, i, K):
-    """Add stiffness J Jᵀ of cable i to the lower half of K."""
-    if nowhere(stiffness != 0.0):
-        return
-    for a in range(6):
-        slope = stiffness * J[i, a]
-        for b in range(a + 1):
-            K[a, b] += slope * J[i, b]
-
-
-@inline
-def _add_dipole(fx, fy, fz, x, y, z, K):
+def add_dipole(fx, fy, fz, x, y, z, H):
     """Add (f·r) 1 − ½ (f rᵀ + r fᵀ) to the lower half of the rotations' block."""
     dot = fx * x + fy * y + fz * z
-    K[3, 3] += dot - fx * x
-    K[4, 4] += dot - fy * y
-    K[5, 5] += dot - fz * z
-    K[4, 3] -= 0.5 * (fx * y + fy * x)
-    K[5, 3] -= 0.5 * (fx * z + fz * x)
-    K[5, 4] -= 0.5 * (fy * z + fz * y)
-
-
-# Loops, since Numba compiles whole-array expressions for seconds.
+    H[3, 3] += dot - fx * x
+    H[4, 4] += dot - fy * y
+    H[5, 5] += dot - fz * z
+    H[4, 3] -= 0.5 * (fx * y + fy * x)
+    H[5, 3] -= 0.5 * (fx * z + fz * x)
+    H[5, 4] -= 0.5 * (fy * z + fz * y)
 
 
 @inline
-def mean(vector):
-    """Mean of a vector's entries."""
+def mean(numbers, first, m):
+    """Mean of a row."""
     total = 0.0
-    for i in range(len(vector)):
-        total += vector[i]
-    return total / len(vector)
+    for i in range(m):
+        total += numbers[first + i]
+    return total / m
 
 
 @inline
-def largest(vector):
-    """Largest magnitude of a vector's entries; nan if one is nan."""
-    most = 0.0
-    for i in range(len(vector)):
-        most = where((abs(vector[i]) > most) | (vector[i] != vector[i]), abs(vector[i]), most)
-    return most
+def largest(numbers, first, m):
+    """Largest magnitude in a row; nan if one is nan."""
+    most, total = 0.0, 0.0
+    for i in range(m):
+        most = max(most, abs(numbers[first + i]))
+        total += numbers[first + i]
+    return most if total == total else math.nan

@@ -63,7 +63,7 @@ class Geometry:
 
         nᵢ is its number of parts of line. The rope's length changes by minus this column times the platform's step.
         """
-        return self.robot.reeving * _wrenches(self.directions, self.arms)
+        return self.robot.cabling.pulls(_wrenches(self.directions, self.arms))
 
     @cached_property
     def length_hessians(self) -> Float[Array, "*batch cables 3 3"]:
@@ -104,7 +104,7 @@ class State:
     @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
-        return self.problem.robot.reeving * _wrenches(self.pull_directions, self.geometry.arms)
+        return self.problem.robot.cabling.pulls(_wrenches(self.pull_directions, self.geometry.arms))
 
     @cached_property
     def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
@@ -114,8 +114,8 @@ class State:
         """
         if self.hanging is not None:
             return np.full(self.lengths.shape, np.nan)
-        k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
-        return k / self.problem.robot.reeving * (self.tensions > 0)
+        k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_stretched(self.problem))
+        return self.problem.robot.cabling.tensions(k) * (self.tensions > 0)
 
     @property
     def pulls(self) -> Float[Array, "*batch cables 3"]:
@@ -127,7 +127,7 @@ class State:
     @property
     def pull_sizes(self) -> Float[Array, "*batch cables"]:
         """Magnitudes of the pulls, (..., cables) [N]: tensions times parts of line."""
-        return self.problem.robot.reeving * self.tensions
+        return self.problem.robot.cabling.pulls(self.tensions)
 
     @property
     def pull_directions(self) -> Float[Array, "*batch cables 3"]:
@@ -143,9 +143,9 @@ class State:
         if self.hanging is not None:
             return self.hanging.stiffness
         u = self.geometry.directions
-        n = self.problem.robot.reeving[:, None, None]
+        of_parts = self.problem.robot.cabling.pulls(self.problem.robot.cabling.pulls(self.tangent_stiffness))
         turning = self.pull_sizes[..., None, None] * self.geometry.length_hessians
-        return n * n * self.tangent_stiffness[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
+        return of_parts[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
 
     @cached_property
     def load_wrench(self) -> Float[Array, "*batch 6"]:
@@ -172,8 +172,8 @@ class State:
         problem, robot = self.problem, self.problem.robot
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
         if self.hanging is None:
-            each = cable_law.energy(self.lengths - problem.rest_lengths, *_law(problem))
-            elastic = (robot.reeving * each).sum(-1)
+            each = cable_law.energy(self.lengths - problem.rest_lengths, *_stretched(problem))
+            elastic = robot.cabling.pulls(each).sum(-1)
         else:
             elastic = self.hanging.energy.sum(-1)
         work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
@@ -224,9 +224,9 @@ def at(
     if not robot.cabling.massless:
         chords = np.asarray(position)[..., None, :] + cables.arms - robot.exits
         hanging = any_cables(robot.cable_table(problem.axial_stiffness), chords, rest)
-        tau = hanging.anchor_tension / robot.reeving
+        tau = robot.cabling.tensions(hanging.anchor_tension)
         return State(problem, np.asarray(position), rotation, cables, tau, hanging)
-    tau = cable_law.tension(cables.lengths - rest, *_law(problem))
+    tau = cable_law.tension(cables.lengths - rest, *_stretched(problem))
     return State(problem, np.asarray(position), rotation, cables, tau)
 
 
@@ -246,7 +246,7 @@ def weight_of_cables(
     cables = geometry(robot, position, rotation)
     half = robot.cable_weights * cables.free_lengths / 2
     down = half[..., None] * np.array([0.0, 0.0, -1.0])
-    return half / robot.reeving * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
+    return robot.cabling.tensions(half) * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
 
 
 def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
@@ -310,11 +310,11 @@ def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
     return np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vectors)
 
 
-def _law(problem: Problem | Problems) -> tuple[Array, ...]:
-    """The arguments of ``cable_law`` besides stretches."""
+def _stretched(problem: Problem | Problems) -> tuple[Array, tuple[Array, ...]]:
+    """The arguments of ``cable_law`` besides stretches: the length of rope that stretches, and the law."""
     cabling = problem.robot.cabling
     cabling.refuse_memory()
-    return problem.rest_lengths + cabling.behind, problem.axial_stiffness, *cabling.stiffening.T
+    return problem.rest_lengths + cabling.added, cabling.law_of(problem.axial_stiffness)
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -36,7 +36,7 @@ def cut(
     """
     cables = forces.geometry(robot, position, rotation)
     if robot.cabling.massless:
-        rest = cable_law.rest_length_for(cables.lengths, tensions, *robot.cabling.law, behind=robot.cabling.behind)
+        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.cabling.law, behind=robot.cabling.added)
         matrix = cables.wrench_matrix
     else:
         chords = position[..., None, :] + cables.arms - robot.exits
@@ -46,12 +46,12 @@ def cut(
         pulling = (tensions > 0)[..., None]  # of a massless cable without tension, the direction of its path
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
         wrenches = np.concatenate([directions, np.cross(cables.arms, directions)], axis=-1)
-        matrix = robot.reeving * np.swapaxes(wrenches, -1, -2)
+        matrix = robot.cabling.pulls(np.swapaxes(wrenches, -1, -2))
     if refuse and not rest.min() > 0:  # also if one is nan
         row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
         cable = int(row[-1])
-        length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.behind[cable]
-        strain = 1 / cable_law.rest_length_for(1.0, tension, *(one[cable] for one in robot.cabling.law)) - 1
+        length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.added[cable]
+        strain = cable_law.strain_at(tension, tuple(one[cable] for one in robot.cabling.law))
         if stretched * strain >= length:
             raise InvalidInput(
                 f"{field}: found {tension:.4g} N in cable {cable + 1}, under which the rope between winch and "

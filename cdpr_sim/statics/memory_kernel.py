@@ -37,16 +37,17 @@ STRAIN_STEPS = 60
 
 
 @outlined
-def strain_of(T, EA, a2, a3):
+def strain_of(T, law):
     """(eps, d eps/dT, energy per rest length) under the tension T >= 0: the law, inverted."""
-    eps, low, high = T / EA, 0.0, np.inf
-    if a2 == 0.0 and a3 == 0.0:
-        return eps, 1 / EA, 0.5 * T * eps
-    if a2 >= 0.0 and a3 >= 0.0:
+    softest, low, high = 1 / law[0], 0.0, np.inf
+    eps = T / law[0]
+    if cable_law.linear(law):
+        return eps, softest, 0.5 * T * eps
+    if cable_law.stiffens(law):
         eps = min(eps, cable_law.M)  # from above, where a law that stiffens is convex
-    slope, _ = cable_law.tangent(eps, 1.0, EA, a2, a3)
+    slope, _ = cable_law.tangent(eps, 1.0, law)
     for _ in range(STRAIN_STEPS):
-        slope, e = cable_law.tangent(eps, 1.0, EA, a2, a3)
+        slope, e = cable_law.tangent(eps, 1.0, law)
         step = e - T / slope
         if abs(step) <= 4e-16 * eps:
             break
@@ -56,26 +57,26 @@ def strain_of(T, EA, a2, a3):
             low = eps
         eps -= step
         if not low < eps < high:
-            eps = 2 * low + T / EA if high == np.inf else 0.5 * (low + high)
-    return eps, 1 / slope, cable_law.energy(eps, 1.0, EA, a2, a3)
+            eps = 2 * low + T / law[0] if high == np.inf else 0.5 * (low + high)
+    return eps, 1 / slope, cable_law.energy(eps, 1.0, law)
 
 
 @outlined
-def memory_spring(stretch, rest_length, behind, EA, a2, a3, row):
+def memory_spring(stretch, rest_length, behind, law, row):
     """(k, e, energy): the spring k max(e, 0) with the law's tension and slope at this stretch x, and ∫T dx."""
     kind, x = row[KIND], stretch - row[CREPT]
     if kind == ELASTIC:
-        k, e = cable_law.tangent(x, rest_length + behind, EA, a2, a3)
-        return k, e, cable_law.energy(x, rest_length + behind, EA, a2, a3)
+        k, e = cable_law.tangent(x, rest_length + behind, law)
+        return k, e, cable_law.energy(x, rest_length + behind, law)
     if kind == LINEAR:
         return _between_knots(x, row)
     if not x > 0:
-        k, _ = cable_law.tangent(0.0, rest_length + behind, EA, a2, a3)
+        k, _ = cable_law.tangent(0.0, rest_length + behind, law)
         return k, x, 0.0
     eps, low, high = x / (rest_length + behind), 0.0, np.inf
     T, slope, energy = 0.0, 1.0, 0.0
     for _ in range(CURVE_STEPS):
-        there, per_strain, T, slope, energy = _point(eps, rest_length, behind, EA, a2, a3, row)
+        there, per_strain, T, slope, energy = _point(eps, rest_length, behind, law, row)
         missed = there - x
         if missed > 0:
             high = eps
@@ -91,7 +92,7 @@ def memory_spring(stretch, rest_length, behind, EA, a2, a3, row):
 
 
 @outlined
-def stretch_at_exit(T, rest_length, behind, EA, a2, a3, row):
+def stretch_at_exit(T, rest_length, behind, law, row):
     """(X, dX/dT, ∫X dT) of a cable with mass, X = x(T) − l0 eps(T), at the tension T > 0 where it leaves its exit."""
     creep, crept = row[CREEP], row[CREPT]
     if row[KIND] == LINEAR:
@@ -103,11 +104,11 @@ def stretch_at_exit(T, rest_length, behind, EA, a2, a3, row):
         x = row[KNOTS + j] + (T - row[KNOTS + n + j]) / k
         _, _, energy = _between_knots(x, row)
         return (
-            x - rest_length * T / EA + crept,
-            1 / k - rest_length / EA,
-            T * (x + crept - 0.5 * rest_length * T / EA) - energy,
+            x - rest_length * T / law[0] + crept,
+            1 / k - rest_length / law[0],
+            T * (x + crept - 0.5 * rest_length * T / law[0]) - energy,
         )
-    delta, per_newton, work = _behind(T, behind, EA, a2, a3, row)
+    delta, per_newton, work = _behind(T, behind, law, row)
     return delta + creep * T + crept, per_newton + creep, T * (delta + 0.5 * creep * T + crept) - work
 
 
@@ -119,33 +120,33 @@ def _between_knots(x, row):
 
 
 @outlined
-def _point(eps, rest_length, behind, EA, a2, a3, row):
+def _point(eps, rest_length, behind, law, row):
     """(x, dx/d eps, T, dT/dx, ∫T dx) of a nonlinear cable whose rope beyond the exit has the strain eps."""
-    hard, soft = cable_law.tangent(eps, 1.0, EA, a2, a3)
+    hard, soft = cable_law.tangent(eps, 1.0, law)
     F = hard * soft
-    delta, per_newton, work = _behind(F, behind, EA, a2, a3, row)
+    delta, per_newton, work = _behind(F, behind, law, row)
     e, widening = rest_length * eps + delta, rest_length + per_newton * hard
     Q, giving, given = _on_knots(e, row)
     T, rising = F - Q, hard - giving * widening
     x, per_strain = e + row[CREEP] * T, widening + row[CREEP] * rising
-    energy = rest_length * cable_law.energy(eps, 1.0, EA, a2, a3) + work - given + 0.5 * row[CREEP] * T * T
+    energy = rest_length * cable_law.energy(eps, 1.0, law) + work - given + 0.5 * row[CREEP] * T * T
     return x, per_strain, T, rising / per_strain, energy
 
 
 @outlined
-def _behind(F, behind, EA, a2, a3, row):
+def _behind(F, behind, law, row):
     """(delta, d delta/dF, ∫F d delta) of the rope behind the exit, at the force F of the rope beyond it."""
     held, rho = row[HELD], row[RHO]
     if np.isnan(held):
-        eps, slope, energy = strain_of(F, EA, a2, a3)
+        eps, slope, energy = strain_of(F, law)
         return behind * eps, behind * slope, behind * energy
     stays = 0.0
     if held > 0:
-        stays = cable_law.energy(held / behind, 1.0, EA, a2, a3)
-    eps, slope, energy = strain_of(rho * F, EA, a2, a3)
+        stays = cable_law.energy(held / behind, 1.0, law)
+    eps, slope, energy = strain_of(rho * F, law)
     if behind * eps < held:
         return behind * eps, behind * rho * slope, behind / rho * energy
-    eps, slope, energy = strain_of(F / rho, EA, a2, a3)
+    eps, slope, energy = strain_of(F / rho, law)
     if behind * eps > held:
         return behind * eps, behind / rho * slope, behind * (rho * energy + (1 / rho - rho) * stays)
     return held, 0.0, behind / rho * stays

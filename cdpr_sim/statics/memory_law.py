@@ -101,7 +101,7 @@ class MemoryLaw:
         a, b = EA / (rest + g / rho), EA / (rest + g * rho)
         middle = (a + b) / 2
         k = np.where((g > 0) & (cabling.pulley_friction > 0), EA / rest - middle, 0.0)
-        rubbed, curved = ~np.isnan(memory.beyond), np.asarray(robot.stiffening.any(-1))
+        rubbed, curved = ~np.isnan(memory.beyond), cabling.nonlinear
         mean = np.where(rubbed, middle, EA / L)
         shares, yields, widths = np.moveaxis(cabling.hysteresis, -1, 0)
         holds = rubbed & (k > 0) & ~curved  # the friction of nonlinear ropes is no spring
@@ -127,7 +127,7 @@ class MemoryLaw:
         stretches, tensions, slopes = self._knots()
         table = np.empty((*tensions.shape[:-1], MEMORY_COLUMNS + 3 * tensions.shape[-1]))
         table[..., :COLUMNS] = cabling.packed
-        table[..., STIFFNESS] = robot.reeving * self.axial_stiffness
+        table[..., STIFFNESS] = cabling.pulls(self.axial_stiffness)
         table[..., WEIGHT], table[..., WRAPPED] = robot.cable_weights, robot.wrapped_lengths
         memory = table[..., COLUMNS:]
         memory[..., KIND] = np.where(cabling.has_memory, np.where(self.curved, NONLINEAR, LINEAR), ELASTIC)
@@ -185,7 +185,7 @@ class MemoryLaw:
         Of cables with mass, the tensions are those at their exits, on which all depends.
         """
         robot, rest = self.robot, self.rest_lengths
-        pulls, EA = robot.reeving * tensions, robot.reeving * self.axial_stiffness
+        pulls, EA = robot.cabling.pulls(tensions), robot.cabling.pulls(self.axial_stiffness)
         x = np.where(robot.cable_weights > 0, self._stretch_under(pulls), lengths - rest - self.crept)
         e = np.where(pulls > 0, x - self.compliance * pulls, 0.0)
         stretched, _ = self._elements(e[..., None], self.free, self.most, self.widths)
@@ -204,7 +204,7 @@ class MemoryLaw:
         """Strains of the elastic law under forces over EA."""
         if not self.curved.any():
             return forces
-        return 1 / cable_law.rest_length_for(1.0, forces, 1.0, *self.robot.stiffening.T) - 1
+        return cable_law.strain_at(forces, self.robot.cabling.law_of(np.ones(self.robot.cables)))
 
     def _stretch_under(self, pulls: Float[Array, "*batch cables"]) -> Float[Array, "*batch cables"]:
         """x of cables under these tensions [m]; of nonlinear ones without elements."""
@@ -214,7 +214,7 @@ class MemoryLaw:
         linear = x + (pulls - T) / np.where(self.curved, 1.0, k)
         if not self.curved.any():
             return linear
-        g, forces = self.robot.cabling.behind, pulls / (self.robot.reeving * self.axial_stiffness)
+        g, forces = self.robot.cabling.behind, pulls / self.robot.cabling.pulls(self.axial_stiffness)
         behind = g * self._strains(forces)
         out, back = g * self._strains(forces / self.rho), g * self._strains(forces * self.rho)
         behind = np.where(np.isnan(self.held), behind, np.clip(self.held, out, back))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, compiling
-from cdpr_sim.core.cable import COLUMNS, STIFFNESS
+from cdpr_sim.core.cable import COLUMNS
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -25,7 +25,6 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.cable_kernel import SAGGING, WITH_MEMORY
 from cdpr_sim.statics.gufuncs import EQUILIBRIA, STIFFNESSES
 from cdpr_sim.statics.memory_law import MemoryLaw
 
@@ -153,7 +152,7 @@ def solve_step(
     with_mass = robot.cabling.has_memory & (robot.cable_weights > 0)
     if with_mass.any():
         ends = found.positions[..., None, :] + robot.anchors @ np.swapaxes(found.rotations, -1, -2)
-        pulled = any_cables(table, ends - robot.exits, rest).exit_tension / robot.reeving
+        pulled = robot.cabling.tensions(any_cables(table, ends - robot.exits, rest).exit_tension)
         ended = np.where(with_mass & ~np.isnan(ended), pulled, ended)
     return found, law.after(found.lengths, ended, moment)
 
@@ -203,11 +202,11 @@ def stiffness_of(
     """
     problems, robot = equilibria.problems, equilibria.robot
     table = problems.cable_table() if table is None else table
-    kind = _kind(robot, table) if robot.cabling.massless else SAGGING
     with np.errstate(all="ignore"):
-        return STIFFNESSES[kind](
+        return STIFFNESSES(
             table, problems.rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
-            np.array(robot.free), problems.characteristic_length, equilibria.positions, equilibria.rotations,
+            np.array(robot.free), problems.characteristic_length, int(not robot.cabling.massless),
+            equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 
@@ -244,31 +243,20 @@ def solve_table(
     free[robot.free] = 1.0
     given = (
         table, problem.rest_lengths, problem.mass * robot.gravity, problem.center_of_mass, problem.external_wrench,
-        free, problem.characteristic_length, positions, rotations,
+        free, problem.characteristic_length, int(not cabling.massless), positions, rotations,
     )  # fmt: skip
-    solver = EQUILIBRIA[_kind(robot, table)]
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
         with np.errstate(all="ignore"):
-            found, before = solver(*given), 0
-            if not cabling.massless:
-                before = found[5]
-                found = EQUILIBRIA[SAGGING](*given[:-2], found[0], found[1])
-        *found, iterations, status = map(np.asarray, found)
-        return *found, np.asarray(iterations + before), status
+            return tuple(map(np.asarray, EQUILIBRIA(*given)))
 
     at, turned, lengths, pulls, residuals, iterations, status = on_threads(
-        solved, given, solver.axes, threads, compiling.LANES_FROM
+        solved, given, EQUILIBRIA.axes, threads, compiling.PIECE
     )
     with np.errstate(all="ignore"):
-        tensions = pulls / cabling.reeving
+        tensions = cabling.tensions(pulls)
         if not cabling.linear:
-            largest = cable_law.largest_tension(table[..., STIFFNESS], *cabling.stiffening.T)
+            largest = cable_law.largest_tension(cable_law.of_table(table))
             beyond = (status == Status.CONVERGED) & (pulls > largest).any(-1)
             status = np.where(beyond, Status.OVERSTRAINED.value, status)
     return at, turned, lengths, tensions, residuals, iterations, status
-
-
-def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> int:
-    """Which kernel takes the cables of a table, without their mass."""
-    return WITH_MEMORY if table.shape[-1] > COLUMNS else robot.cabling.bent

@@ -19,9 +19,9 @@ valley, and a step along its tangent leaves the valley's floor. Four measures ma
 4. *Descent.* A step is accepted only if the true V falls; else λ grows (Levenberg-Marquardt). At a saddle the iteration
    continues along the direction of negative curvature. So it ends at a minimum: a stable equilibrium.
 
-Cables with mass are no springs (``cable_kernel.SaggingState``): their energy is smooth even where a cable sags. It
-belongs to the local model's slope and curvature, and the second-order correction is for the slope that the model
-missed. The start is an argument: the equilibrium with massless cables is near, and from there a few iterations suffice.
+Cables with mass are no springs (SAGGING, ``cable_kernel``): their energy is smooth even where a cable sags. It belongs
+to the local model's slope and curvature, and the second-order correction is for the slope that the model missed. The
+search starts at the equilibrium with massless cables, which is near: from there a few iterations suffice.
 
 Rotation steps are left-applied rotation vectors times the robot's characteristic length, so that all six
 coordinates are lengths.
@@ -30,35 +30,15 @@ coordinates are lengths.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from cdpr_sim.core.cable import WEIGHT
-from cdpr_sim.core.compiling import (
-    HEAP,
-    by_type,
-    inline,
-    matrix,
-    nowhere,
-    of_one_number,
-    outlined,
-    truths,
-    vector,
-    where,
-)  # fmt: skip
+from cdpr_sim.core.compiling import STRIDE, inline, outlined
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import (
-    BentCables,
-    BentState,
-    Cables,
-    CableState,
-    CablesWithMemory,
-    SaggingCables,
-    SaggingState,
-)
+from cdpr_sim.statics.cable_kernel import L0, PREDICTED, PULL, SAGGING, STIFF, TAU, TAUT, WEIGHTS, E, J, K, L, Q
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
@@ -114,10 +94,20 @@ _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT
 _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
 
 
-class Case(NamedTuple):
-    """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
+SERIES = 1.0
+"""[rad²] Square of the largest angle whose sine and cosine are summed as series."""
 
-    cables: Cables | BentCables | SaggingCables | CablesWithMemory
+
+class Case(NamedTuple):
+    """Data of one problem.
+
+    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; free: 1 where the
+    platform moves; scale: length of rotations.
+    """
+
+    d: np.ndarray
+    table: np.ndarray
+    kind: int
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -130,30 +120,21 @@ class Point(NamedTuple):
 
     p: np.ndarray
     R: np.ndarray
-    c: CableState | BentState | SaggingState
+    s: np.ndarray
 
 
 class Model(NamedTuple):
-    """The local model at a point: springs' lengths l + Jx, slope g and curvature K − Σ q J Jᵀ of all else.
+    """The local model at a point: springs' lengths l + Jx, slope g and curvature H − Σ q J Jᵀ of all else.
 
-    L: factors of a matrix; rhs: right-hand side of an equation.
+    w: rows of ``cable_kernel``; A: factors of a matrix; rhs: right-hand side of an equation; x: step.
     """
 
-    J: np.ndarray
-    q: np.ndarray
+    w: np.ndarray
     g: np.ndarray
-    K: np.ndarray
-    L: np.ndarray
+    H: np.ndarray
+    A: np.ndarray
     rhs: np.ndarray
-
-
-@inline
-def new_model(room, springs):
-    """A model that is to be filled in."""
-    return Model(
-        matrix(room, springs, 6), vector(room, springs), vector(room, 6), matrix(room, 6, 6), matrix(room, 6, 6),
-        vector(room, 6),
-    )  # fmt: skip
+    x: np.ndarray
 
 
 class Scales(NamedTuple):
@@ -166,114 +147,159 @@ class Scales(NamedTuple):
     energy: float
 
 
-def descent(new_cables: Callable) -> Callable:
-    """The solver of one problem, for cables of the type that ``new_cables`` makes."""
+def solve_all(
+    table, rest_lengths, weight, center_of_mass, wrench, free, scale, heavy, start_position, start_rotation, scratch,
+    position, rotation, lengths, tensions, residual, iterations, status,
+):  # fmt: skip
+    """Equilibria of (rows, columns) of problems, one after another; the arguments are those of ``gufuncs``."""
+    rows, columns, _ = rest_lengths.shape
+    d, here, trial, model = memory(scratch)
+    kind, one_robot = ck.PLAIN, table.strides[0] == 0 and table.strides[1] == 0
+    for i in range(rows):
+        for j in range(columns):
+            if i + j == 0 or not one_robot:
+                kind = ck.load_table(d, table[i, j])
+            ck.load_lengths(d, rest_lengths[i, j])
+            copy_pose(start_position[i, j], start_rotation[i, j], position[i, j], rotation[i, j])
+            iterations[i, j] = 0
+            for stage in range(1 + heavy):
+                case = Case(
+                    d, table[i, j], SAGGING if stage == 1 else kind, weight[i, j], center_of_mass[i, j], wrench[i, j],
+                    free, scale[i, j],
+                )  # fmt: skip
+                residual[i, j], steps, status[i, j] = _descend(
+                    case, here, trial, model, position[i, j], rotation[i, j], lengths[i, j], tensions[i, j]
+                )
+                iterations[i, j] += steps
 
-    def descend(
-        table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
-        rotation, lengths, tensions, residual, iterations, status,
-    ):  # fmt: skip
-        """Newton iterations from a pose; there are few arrays, since creating one is slow."""
-        m, cables = len(rest_lengths), new_cables(HEAP, table)
-        ck.load(cables, table, rest_lengths, ())
-        case = Case(cables, weight, center_of_mass, wrench, free, scale)
-        here, trial = new_point(HEAP, cables), new_point(HEAP, cables)
-        springs = len(here.c.e)
-        model = new_model(HEAP, springs)
-        x, predicted = vector(HEAP, 6), vector(HEAP, max(m, 6))
-        taut, tau = truths(HEAP, springs), vector(HEAP, springs)
 
-        copy_pose(start_position, start_rotation, (), here.p, here.R, ())
-        V = measure(case, here)
-        scales = scales_of(case, here)
-        first_tensions(case, here, scales.load, tau, taut)
-        unbalanced, iterations[0], status[0] = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
-        if not math.isfinite(V + scales.force):
-            iterations[0], status[0] = 0, _NOT_FINITE
-        shift, certified = 0.0, False
-        least_reach = LEAST_REACH * ck.mean(cables.l0)
-        for iteration in range(iterations[0]):
-            unbalanced = fill_slopes(case, here, model)
-            if unbalanced <= scales.force:
-                if not certified:
-                    spring_tensions(here, tau, taut)
-                    fill_curvature(case, here, tau, model)
-                if certified or is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
-                    iterations[0], status[0] = iteration, _CONVERGED
-                    break
-                here, trial = trial, here
-                V = _energy(case, here)
-                spring_tensions(here, tau, taut)
-                shift = 0.0
-                continue
-            fill_curvature(case, here, tau, model)
-            accepted, decrease, V_trial = False, 0.0, V
-            longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
-            # Written inside this function, which is faster: only here the compiler can tell that arrays do not overlap.
-            for _ in range(MAX_TRIALS):
-                decrease = -np.inf
-                if _model_minimum(here, model, shift, taut, x):
-                    shorten(x, longest, MAX_ROTATION * case.scale)
-                    decrease = model_decrease(here.c, model, x, predicted)
-                # A step that changes the energy by no more than its rounding is judged by the forces, in the next
-                # iteration.
-                rounding = abs(decrease) <= energy_noise(here.c, scales, V)
-                if decrease > 0 or rounding:
-                    for attempt in range(MAX_RETRACTIONS + 1):
-                        V_trial = _measure_at(case, here, x, trial)
-                        if rounding or V - V_trial >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
-                            break
-                        _retract(trial.c, case, trial, model, predicted, x)
-                    if V - V_trial >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
-                        accepted = True
-                        break
-                shift = larger_shift(shift, scales)
-                for i in range(springs):
-                    taut[i] = tau[i] > 0
-            if not accepted:
-                iterations[0], status[0] = iteration, _STALLED
+@inline
+def _descend(case, here, trial, model, position, rotation, lengths, tensions):
+    """The equilibrium from the start ``position``, ``rotation``, in whose place it is written.
+
+    Returns:
+        Largest unbalanced force, number of iterations, status.
+    """
+    w, x, m = model.w, model.x, len(lengths)
+    copy_pose(position, rotation, here.p, here.R)
+    V = measure(case, here)
+    scales = scales_of(case, here)
+    first_tensions(case, here, scales.load, w)
+    unbalanced, most, ended = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
+    if not math.isfinite(V + scales.force):
+        most, ended = 0, _NOT_FINITE
+    steps, shift, certified = most, 0.0, False
+    least_reach = LEAST_REACH * ck.mean(case.d, L0, m)
+    for iteration in range(most):
+        unbalanced = fill_slopes(case, here, model)
+        balanced = unbalanced <= scales.force
+        if balanced and certified:
+            steps, ended = iteration, _CONVERGED
+            break
+        if balanced:
+            spring_tensions(here, m, w)
+        fill_curvature(case, here, model)
+        if balanced:
+            lower = np.nan if is_minimum(case, here, model) else _leave_saddle(case, here, model, V, trial)
+            if lower != lower:
+                steps, ended = iteration, _CONVERGED
                 break
-            # Where forces balance next, the model of this step had a minimum...
-            certified = shift == 0.0 and springs > 0
-            if V - V_trial > TRUSTED * decrease:
-                shift = smaller_shift(shift, scales)
-            for i in range(springs):
-                tau[i] = here.c.k[i] * max(predicted[i], 0.0)
-            here, trial = trial, here
-            V = _energy(case, here)
-            for i in range(springs):
-                certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that are actually taut
-                taut[i] = predicted[i] > 0
-        if status[0] == _CONVERGED:
-            left = _polish(here.c, case, here, model, scales, unbalanced, x, trial)
-            iterations[0] += left < unbalanced
-            unbalanced = left
-        if not ck.on_wheels(here.c):
-            status[0] = _OFF_WHEEL
-        residual[0] = unbalanced
-        copy_pose(here.p, here.R, (), position, rotation, ())
-        for i in range(m):
-            lengths[i] = here.c.l[i]
-        ck.fill_tensions(cables, here.c, table, tensions)
+            here, trial, V, shift = trial, here, lower, 0.0
+            spring_tensions(here, m, w)
+            continue
+        accepted, decrease, fall, V_trial = False, 0.0, 0.0, V
+        longest = MAX_TRANSLATION * max(ck.mean(here.s, L, m), least_reach)
+        for _ in range(MAX_TRIALS):
+            decrease = -np.inf
+            if _model_minimum(here, model, shift, m):
+                shorten(x, longest, MAX_ROTATION * case.scale)
+                decrease = model_decrease(case, here, model)
+            # A step that changes the energy by no more than its rounding is judged by the forces, in the next
+            # iteration.
+            rounding = abs(decrease) <= energy_noise(case, here, scales, V)
+            if decrease > 0 or rounding:
+                for attempt in range(MAX_RETRACTIONS + 1):
+                    work = move(case, here, x, trial)
+                    V_trial = measure(case, trial)
+                    fall = V - (V_trial - work)
+                    if rounding or fall >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
+                        break
+                    _retract(case, trial, model)
+                if fall >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
+                    accepted = True
+                    break
+            shift = larger_shift(shift, scales)
+            for i in range(m):
+                w[TAUT + i] = 1.0 if w[TAU + i] > 0 else 0.0
+        if not accepted:
+            steps, ended = iteration, _STALLED
+            break
+        # Where forces balance next, the model of this step had a minimum with the cables that are actually taut.
+        as_predicted = keep_predictions(here, trial, m, w)
+        certified = as_predicted and shift == 0.0 and case.kind != SAGGING
+        if fall > TRUSTED * decrease:
+            shift = smaller_shift(shift, scales)
+        here, trial, V = trial, here, V_trial
+    rough = case.kind == SAGGING and unbalanced > POLISHED * scales.force
+    if ended == _CONVERGED and rough and is_minimum(case, here, model):
+        left = _polish(case, here, trial, model)
+        if left < unbalanced:
+            here, trial, unbalanced = trial, here, left
+            steps += 1
+    if not ck.on_wheels(case.kind, here.s, m):
+        ended = _OFF_WHEEL
+    copy_pose(here.p, here.R, position, rotation)
+    for i in range(m):
+        lengths[i], tensions[i] = here.s[L + i], ck.tension(case.kind, here.s, i)
+    return unbalanced, steps, ended
 
-    return descend
+
+@inline
+def keep_predictions(here, trial, m, w):
+    """Let the predicted tensions be those of the next model; return whether the taut cables are those of the trial."""
+    changed = 0.0
+    for i in range(m):
+        changed += abs(w[TAUT + i] - (1.0 if trial.s[E + i] > 0 else 0.0))
+        w[TAU + i] = here.s[K + i] * max(w[PREDICTED + i], 0.0)
+        w[TAUT + i] = 1.0 if w[PREDICTED + i] > 0 else 0.0
+    return changed == 0.0
+
+
+@inline
+def memory(scratch):
+    """Data of cables, two points and a model in a scratch array."""
+    states, model = ck.DATA_ROWS * STRIDE, (ck.DATA_ROWS + 2 * ck.STATE_ROWS) * STRIDE
+    return (
+        scratch[:states],
+        Point(np.empty(3), np.empty((3, 3)), scratch[states : states + ck.STATE_ROWS * STRIDE]),
+        Point(np.empty(3), np.empty((3, 3)), scratch[states + ck.STATE_ROWS * STRIDE : model]),
+        Model(
+            scratch[model : model + ck.MODEL_ROWS * STRIDE], np.empty(6), np.empty((6, 6)), np.empty((6, 6)),
+            np.empty(6), np.empty(6),
+        ),
+    )  # fmt: skip
 
 
 @inline
 def scales_of(case, start):
     """Scales and thresholds of a problem whose start has been measured."""
-    A, k, l0 = case.cables.A, case.cables.k, case.cables.l0
-    stiffest, stiffness, size = ck.largest(k), 0.0, ck.largest(start.p)
-    for i in range(len(A)):
-        stiffness += k[i] * l0[i] / len(A)
-        for a in range(3):
-            size = max(size, abs(A[i, a]))
+    d, m = case.d, len(case.table)
+    stiffest, stiffness, hanging = ck.largest(d, STIFF, m), 0.0, 0.0
+    size = max(ck.largest(start.p, 0, 3), d[ck.SIZE])
+    for i in range(m):
+        stiffness += d[STIFF + i] * d[L0 + i] / m
     load = _load(case, stiffness)
-    most, hanging, softer, margin = _tolerances(case.cables)
+    # Slack cables with mass hold the platform by little more than their weight, so least shifts are smaller. The margin
+    # is the rounding of forces that are computed anew from the pose, which of springs is that of their lengths.
+    most, softer, margin = np.inf, 1.0, 0.25
+    if case.kind == SAGGING:
+        most, softer, margin = LARGEST_RESIDUAL, 1e-6, 0.0
+        for i in range(m):
+            hanging += case.table[i, WEIGHT] * d[L0 + i]
     return Scales(
         load,
         size,
-        softer * max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
+        softer * max(load, 1e-9 * stiffest * case.scale) / ck.mean(d, L0, m),
         min(
             min(FORCE_TOLERANCE * load, most) + ROUNDING * (stiffest * size + hanging),
             ACCEPTABLE * load - margin * ROUNDING * stiffest * size,
@@ -282,35 +308,14 @@ def scales_of(case, start):
     )
 
 
-@by_type
-def _tolerances(cables):
-    """Largest unbalanced force, the cables' own weight, the least shift as a fraction of that of springs, and a margin.
-
-    Slack cables hold the platform by little more than their weight. The margin is the rounding of forces that are
-    computed anew from the pose, which of springs is that of their lengths.
-    """
-    return np.inf, 0.0, 1.0, 0.25
-
-
-@_tolerances.of(SaggingCables)
-def _sagging_tolerances(cables):
-    hanging = 0.0
-    for i in range(len(cables.l0)):
-        hanging += cables.table[i, WEIGHT] * cables.l0[i]
-    return LARGEST_RESIDUAL, hanging, 1e-6, 0.0
-
-
-@by_type
-def energy_noise(c, scales, V):
+@inline
+def energy_noise(case, at, scales, V):
     """Rounding of the energy V."""
-    return max(scales.energy, ENERGY_ROUNDING * abs(V))
-
-
-@energy_noise.of(SaggingState)
-def _sagging_energy_noise(c, scales, V):
+    if case.kind != SAGGING:
+        return max(scales.energy, ENERGY_ROUNDING * abs(V))
     noise = 1e13 * scales.energy
-    for i in range(len(c.tension)):
-        noise += c.tension[i] * scales.size
+    for i in range(len(case.table)):
+        noise += at.s[ck.TENSION + i] * scales.size
     return ROUNDING * noise
 
 
@@ -323,7 +328,7 @@ def larger_shift(shift, scales):
 @inline
 def smaller_shift(shift, scales):
     """λ after a step that can be trusted."""
-    return where(shift > scales.least_shift / 64, shift / 8, 0.0)
+    return shift / 8 if shift > scales.least_shift / 64 else 0.0
 
 
 @inline
@@ -332,90 +337,78 @@ def _load(case, stiffness):
     load = case.weight
     for a in range(6):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
-    return where(load != 0.0, load, IDLE_STRAIN * stiffness)
+    return load if load != 0.0 else IDLE_STRAIN * stiffness
 
 
 @inline
-def first_tensions(case, at, load, tau, taut):
+def first_tensions(case, at, load, w):
     """Tensions as if the platform moved straight down on all cables that pull up."""
-    k, u, e = at.c.k, at.c.u, at.c.e
+    s, m = at.s, len(case.table)
     upward = 0.0
-    for i in range(len(tau)):
-        pull = max(u[i, 2], 0.0)
-        upward += k[i] * (pull * pull)
-    for i in range(len(tau)):
-        held = k[i] * max(u[i, 2], 0.0) * case.weight / where(upward > 0, upward, 1.0)
-        tau[i] = where(upward > 0, held, 0.0)
-        taut[i] = k[i] * e[i] >= -NEARLY_TAUT * load
+    for i in range(m):
+        pull = max(s[ck.UZ + i], 0.0)
+        upward += s[K + i] * (pull * pull)
+    each = case.weight / upward if upward > 0 else 0.0
+    for i in range(m):
+        w[TAU + i] = s[K + i] * max(s[ck.UZ + i], 0.0) * each
+        w[TAUT + i] = 1.0 if s[K + i] * s[E + i] >= -NEARLY_TAUT * load else 0.0
 
 
 @inline
-def spring_tensions(at, tau, taut):
+def spring_tensions(at, m, w):
     """Tensions of the cables at their present stretch (paper Eq. 10, 11)."""
-    for i in range(len(tau)):
-        tau[i] = at.c.k[i] * max(at.c.e[i], 0.0)
-        taut[i] = at.c.e[i] > 0
+    s = at.s
+    for i in range(m):
+        w[TAU + i] = s[K + i] * max(s[E + i], 0.0)
+        w[TAUT + i] = 1.0 if s[E + i] > 0 else 0.0
 
 
 @inline
-def new_point(room, cables):
-    """A point that is to be measured."""
-    return Point(vector(room, 3), matrix(room, 3, 3), ck.new_state(cables, room))
-
-
-@inline
-def copy_pose(p, R, lane, to_p, to_R, to_lane):
-    """Copy a position and a rotation matrix: on lanes, those of the lane (w,); otherwise (), all."""
+def copy_pose(p, R, to_p, to_R):
+    """Copy a position and a rotation matrix."""
     for a in range(3):
-        to_p[(a, *to_lane)] = p[(a, *lane)]
+        to_p[a] = p[a]
         for b in range(3):
-            to_R[(a, b, *to_lane)] = R[(a, b, *lane)]
+            to_R[a, b] = R[a, b]
 
 
-@inline
+@outlined
 def measure(case, at):
-    """Fill in the cables' state at ``at.p``, ``at.R``; return V."""
-    ck.measure(case.cables, at.p, at.R, at.c)
-    return _energy(case, at)
+    """Fill in the cables' state at ``at.p``, ``at.R``; return V.
 
-
-@inline
-def _energy(case, at):
-    """V without the work of the external torque, which depends on the path and is accumulated step by step."""
+    Without the work of the external torque, which depends on the path and is accumulated step by step.
+    """
     weight, com, wrench = case.weight, case.com, case.wrench
     p, R = at.p, at.R
+    ck.measure(case.d, case.table, case.kind, p, R, at.s)
     V = weight * (p[2] + R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2])
-    for a in range(3):
-        V -= wrench[a] * p[a]
-    return ck.elastic_energy(case.cables, at.c, V)
-
-
-@inline
-def _measure_at(case, here, x, trial):
-    """Measure the pose after the step x; return V there, less the work of the external torque on the way."""
-    work = move(case, here, x, trial)
-    return measure(case, trial) - work
+    V -= wrench[0] * p[0] + wrench[1] * p[1] + wrench[2] * p[2]
+    return V + ck.energy(case.d, case.table, case.kind, at.s)
 
 
 @inline
 def move(case, here, x, trial):
     """Fill in the pose after the step x; return the work of the external torque on the way."""
     wrench, scale = case.wrench, case.scale
-    p_here, R_here = here.p, here.R
-    p_trial, R_trial = trial.p, trial.R
     for a in range(3):
-        p_trial[a] = p_here[a] + x[a]
-    _rotate(R_here, x[3] / scale, x[4] / scale, x[5] / scale, R_trial)
+        trial.p[a] = here.p[a] + x[a]
+    _rotate(here.R, x[3] / scale, x[4] / scale, x[5] / scale, trial.R)
     return (wrench[3] * x[3] + wrench[4] * x[4] + wrench[5] * x[5]) / scale
 
 
-@of_one_number
+@inline
 def turn(angle2):
     """sin(angle)/angle and (1 − cos(angle))/angle², by the angle's square."""
+    if angle2 <= SERIES:
+        sine = 1 - angle2 / 210 * (1 - angle2 / 272 * (1 - angle2 / 342))
+        sine = 1 - angle2 / 6 * (1 - angle2 / 20 * (1 - angle2 / 42 * (1 - angle2 / 72 * (1 - angle2 / 110 * (
+            1 - angle2 / 156 * sine)))))  # fmt: skip
+        versine = 1 - angle2 / 240 * (1 - angle2 / 306 * (1 - angle2 / 380))
+        versine = 0.5 * (1 - angle2 / 12 * (1 - angle2 / 30 * (1 - angle2 / 56 * (1 - angle2 / 90 * (
+            1 - angle2 / 132 * (1 - angle2 / 182 * versine))))))  # fmt: skip
+        return sine, versine
     angle = math.sqrt(angle2)
-    if angle > 1e-4:
-        return math.sin(angle) / angle, (1 - math.cos(angle)) / angle2
-    return 1 - angle2 / 6, 0.5 - angle2 / 24
+    return math.sin(angle) / angle, (1 - math.cos(angle)) / angle2
 
 
 @inline
@@ -435,102 +428,102 @@ def _rotate(R, a, b, c, out):
 def fill_slopes(case, at, model):
     """Fill in J = ∂l/∂x and the load's slope g; return the largest unbalanced force."""
     weight, com, wrench, free, scale = case.weight, case.com, case.wrench, case.free, case.scale
-    R, k, e = at.R, at.c.k, at.c.e
-    J, g = model.J, model.g
-    ck.fill_jacobian(at.c, scale, J)
+    R, s, m = at.R, at.s, len(case.table)
+    w, g, total = model.w, model.g, model.rhs
+    if case.kind != SAGGING:
+        ck.fill_jacobian(s, scale, m, w)
     g[0], g[1], g[2] = -wrench[0], -wrench[1], weight - wrench[2]
     g[3] = (weight * (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) - wrench[3]) / scale
     g[4] = (-weight * (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) - wrench[4]) / scale
     g[5] = -wrench[5] / scale
-    ck.subtract_pulls(at.c, scale, g)
-    residual = 0.0
+    if case.kind == SAGGING:
+        ck.subtract_pulls(s, scale, m, g)
     for a in range(6):
         if free[a] == 0.0:
             g[a] = 0.0
-            for i in range(len(k)):
-                J[i, a] = 0.0
-            continue
-        force = g[a]
-        for i in range(len(k)):
-            if nowhere(e[i] > 0):
-                continue
-            force += where(e[i] > 0, k[i] * e[i], 0.0) * J[i, a]
-        residual = where((abs(force) > residual) | (force != force), abs(force), residual)  # nan is no balance
-    return residual
+        if free[a] == 0.0 or case.kind == SAGGING:
+            for i in range(m):
+                w[J + a * STRIDE + i] = 0.0
+        total[a] = g[a]
+    for i in range(m):
+        w[PULL + i] = s[K + i] * max(s[E + i], 0.0)
+    ck.add_forces(w, PULL, m, total)
+    return ck.largest(total, 0, 6)
 
 
 @inline
-def fill_curvature(case, at, tau, model):
-    """Fill in q and the lower half of K: Σ tau ∂²l/∂x² + q J Jᵀ and the weight's part.
+def fill_curvature(case, at, model):
+    """Fill in q and the lower half of H: Σ tau ∂²l/∂x² + q J Jᵀ and the weight's part.
 
     For rotation vectors applied on the left.
     """
-    weight, free, scale = case.weight, case.free, case.scale
-    q, K = model.q, model.K
-    per_scale = 1 / scale
+    weight, free, scale, H = case.weight, case.free, case.scale, model.H
     for a in range(6):
-        for b in range(a + 1):
-            K[a, b] = 0.0
-    ck.add_weight_curvature(weight, case.com, at.R, scale, K)
-    for i in range(len(tau)):
-        q[i] = 0.0
-        if nowhere(tau[i] > 0):
-            continue
-        q[i] = ck.add_curvature(at.c, i, tau[i], per_scale, K)
-    ck.add_stiffness(at.c, scale, K)
+        for b in range(6):
+            H[a, b] = 0.0
+    ck.add_weight_curvature(weight, case.com, at.R, scale, H)
+    ck.add_curvature(case.kind, at.s, scale, len(case.table), model.w, H)
     for a in range(6):
         if free[a] == 0.0:
             for b in range(6):
-                K[max(a, b), min(a, b)] = 0.0
-            K[a, a] = weight / scale + 1.0  # any positive number: this component of the step is 0
+                H[max(a, b), min(a, b)] = 0.0
+            H[a, a] = weight / scale + 1.0  # any positive number: this component of the step is 0
 
 
 @inline
-def _model_minimum(at, model, shift, taut, x):
-    """Minimise gᵀx + ½ xᵀ(K + shift)x + Σ ½ k max(s + Jx, 0)², starting from the set ``taut``, which is updated.
+def _model_minimum(at, model, shift, m):
+    """Minimise gᵀx + ½ xᵀ(H + shift)x + Σ ½ k max(s + Jx, 0)², starting from the taut set, which is updated.
 
     False where the quadratic form of some taut set on the way is not positive definite, or where the sets cycle.
     """
     for _ in range(MAX_TAUT_SETS):
-        fill_system(at, model, shift, taut)
-        if not factorise(model.L, 6):
+        fill_system(at, model, shift, m)
+        if not factorise(model.A, 6):
             return False
-        substitute(model.L, model.rhs, x)
-        if not update_taut(at, model, x, taut):
+        substitute(model.A, model.rhs, model.x)
+        if not update_taut(at, model, m):
             return True
     return False
 
 
 @inline
-def fill_system(at, model, shift, taut):
-    """Fill in the lower half of the equation L x = rhs of the minimum if exactly the cables ``taut`` were springs."""
-    k, e = at.c.k, at.c.e
-    J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
+def fill_system(at, model, shift, m):
+    """Fill in the lower half of the equation A x = rhs of the minimum if exactly the taut cables were springs."""
+    s, w, rhs = at.s, model.w, model.rhs
     for a in range(6):
-        rhs[a] = -g[a]
-        for b in range(a + 1):
-            L[a, b] = K[a, b]
-        L[a, a] += shift
-    for i in range(len(k)):
-        stiffness = where(taut[i], k[i], 0.0)
-        pull = stiffness * e[i]
-        for a in range(6):
-            rhs[a] -= pull * J[i, a]
-        ck.add_along(stiffness - model.q[i], J, i, L)
+        rhs[a] = -model.g[a]
+    for i in range(m):
+        stiffness = w[TAUT + i] * s[K + i]
+        w[PULL + i] = -(stiffness * s[E + i])
+        w[WEIGHTS + i] = stiffness - w[Q + i]
+    ck.add_forces(w, PULL, m, rhs)
+    ck.add_products(w, J, WEIGHTS, m, model.H, model.A)
+    for a in range(6):
+        model.A[a, a] += shift
 
 
 @inline
-def update_taut(at, model, x, taut):
-    """Set ``taut`` to the cables that are stretched at x in the model; return whether that changed it."""
-    changed = False
-    for i in range(len(taut)):
-        stretch = at.c.e[i]
-        for a in range(6):
-            stretch += model.J[i, a] * x[a]
-        now = stretch > 0
-        changed |= now != taut[i]
-        taut[i] = now
-    return changed
+def predict(at, model, m):
+    """Fill in the stretches that the model predicts at x."""
+    s, w, x = at.s, model.w, model.x
+    x0, x1, x2, x3, x4, x5 = x[0], x[1], x[2], x[3], x[4], x[5]
+    for i in range(m):
+        w[PREDICTED + i] = s[E + i] + (
+            w[J + i] * x0 + w[J + STRIDE + i] * x1 + w[J + 2 * STRIDE + i] * x2 + w[J + 3 * STRIDE + i] * x3
+            + w[J + 4 * STRIDE + i] * x4 + w[J + 5 * STRIDE + i] * x5
+        )  # fmt: skip
+
+
+@inline
+def update_taut(at, model, m):
+    """Let those cables be taut that are stretched at x in the model; return whether that changed them."""
+    w, changed = model.w, 0.0
+    predict(at, model, m)
+    for i in range(m):
+        now = 1.0 if w[PREDICTED + i] > 0 else 0.0
+        changed += abs(now - w[TAUT + i])
+        w[TAUT + i] = now
+    return changed > 0.0
 
 
 @inline
@@ -539,129 +532,102 @@ def shorten(x, longest, largest):
     translation = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     rotation = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     factor = max(translation / longest, rotation / largest)
-    if nowhere(factor > 1):
-        return
-    for a in range(6):
-        x[a] /= where(factor > 1, factor, 1.0)
-
-
-@by_type
-def model_decrease(c, model, x, predicted):
-    """Decrease of the unshifted model along x; fill in the stretches that it predicts."""
-    k, e = c.k, c.e
-    J, g, K = model.J, model.g, model.K
-    decrease = 0.0
-    for a in range(6):
-        slope = g[a] + 0.5 * K[a, a] * x[a]
-        for b in range(a):
-            slope += K[a, b] * x[b]
-        decrease -= slope * x[a]
-    for i in range(len(k)):
-        along = 0.0
+    if factor > 1:
         for a in range(6):
-            along += J[i, a] * x[a]
-        predicted[i] = e[i] + along
-        before, after = max(e[i], 0.0), max(predicted[i], 0.0)
-        decrease += 0.5 * (k[i] * (before * before - after * after) + model.q[i] * along * along)
-    return decrease
+            x[a] /= factor
 
 
-@model_decrease.of(SaggingState)
-def _sagging_decrease(c, model, x, predicted):
-    """The same without springs; fill in the slope that the model predicts."""
+@inline
+def model_decrease(case, at, model):
+    """Decrease of the unshifted model along x.
+
+    Fill in the stretches that it predicts, or of SAGGING cables the slope.
+    """
+    s, w, g, H, x, m = at.s, model.w, model.g, model.H, model.x, len(case.table)
     decrease = 0.0
     for a in range(6):
-        bent = 0.0
-        for b in range(6):
-            bent += model.K[max(a, b), min(a, b)] * x[b]
-        decrease -= (model.g[a] + 0.5 * bent) * x[a]
-        predicted[a] = model.g[a] + bent
-    return decrease
-
-
-@by_type
-def _retract(c, case, trial, model, predicted, x):
-    """Correct x so that the taut cables get the stretch that the model predicts for them."""
-    rhs = model.rhs
-    fill_correction(c, model, predicted, rhs)
-    substitute(model.L, rhs, rhs)
-    for a in range(6):
-        x[a] += rhs[a]
+        slope = g[a] + 0.5 * H[a, a] * x[a]
+        for b in range(a):
+            slope += H[a, b] * x[b]
+        decrease -= slope * x[a]
+    predict(at, model, m)
+    if case.kind == SAGGING:
+        for a in range(6):
+            model.rhs[a] = g[a]
+            for b in range(6):
+                model.rhs[a] += H[max(a, b), min(a, b)] * x[b]
+            w[WEIGHTS + a] = model.rhs[a]
+        return decrease
+    total = 0.0
+    for i in range(m):
+        predicted, stretch = w[PREDICTED + i], s[E + i]
+        before, after, along = max(stretch, 0.0), max(predicted, 0.0), predicted - stretch
+        total += s[K + i] * (before * before - after * after) + w[Q + i] * along * along
+    return decrease + 0.5 * total
 
 
 @inline
-def fill_correction(c, model, predicted, rhs):
-    """Fill in the right-hand side for the correction by which springs get the stretch ``predicted``."""
-    k, e, J = c.k, c.e, model.J
+def _retract(case, trial, model):
+    """Correct x so that the taut cables get the stretch that the model predicts for them.
+
+    With mass, so that the slope becomes what the model predicts.
+    """
+    s, w, rhs, m = trial.s, model.w, model.rhs, len(case.table)
+    if case.kind == SAGGING:
+        _fill_missed_slope(case, trial, model)
+    else:
+        for a in range(6):
+            rhs[a] = 0.0
+        for i in range(m):
+            w[PULL + i] = s[K + i] * (max(w[PREDICTED + i], 0.0) - max(s[E + i], 0.0))
+        ck.add_forces(w, PULL, m, rhs)
+    substitute(model.A, rhs, rhs)
     for a in range(6):
-        rhs[a] = 0.0
-        for i in range(len(k)):
-            rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
+        model.x[a] += rhs[a]
 
 
-@_retract.of(SaggingState)
-def _retract_sagging(c, case, trial, model, predicted, x):
-    """Correct x so that the slope becomes what the model predicts."""
-    rhs = model.rhs
-    fill_slopes(case, trial, Model(model.J, model.q, rhs, model.K, model.L, rhs))
+@inline
+def _fill_missed_slope(case, trial, model):
+    g = np.empty(6)
+    fill_slopes(case, trial, Model(model.w, g, model.H, model.A, model.rhs, model.x))
     for a in range(6):
-        rhs[a] = predicted[a] - rhs[a]
-    substitute(model.L, rhs, rhs)
+        model.rhs[a] = model.w[WEIGHTS + a] - g[a]
+
+
+@inline
+def _polish(case, here, trial, model):
+    """One more Newton step from a minimum; return what is unbalanced there, nan where a cable has no path."""
     for a in range(6):
-        x[a] += rhs[a]
-
-
-@by_type
-def _polish(c, case, here, model, scales, unbalanced, x, trial):
-    """One more Newton step from a minimum, where it balances the forces better; return what remains unbalanced."""
-    return unbalanced
-
-
-@_polish.of(SaggingState)
-@outlined
-def _polish_sagging(c, case, here, model, scales, unbalanced, x, trial):
-    if unbalanced <= POLISHED * scales.force or not is_minimum(here, model):
-        return unbalanced
-    for a in range(6):
-        x[a] = -model.g[a]
-    substitute(model.L, x, x)
-    V = _measure_at(case, here, x, trial)
+        model.x[a] = -model.g[a]
+    substitute(model.A, model.x, model.x)
+    work = move(case, here, model.x, trial)
+    V = measure(case, trial) - work
     left = fill_slopes(case, trial, model)
-    if not (V == V and left < unbalanced):  # nan where a cable has no path
-        return unbalanced
-    copy_pose(trial.p, trial.R, (), here.p, here.R, ())
-    measure(case, here)
-    return left
+    return left if V == V else np.nan
 
 
 @inline
-def is_minimum(at, model):
+def is_minimum(case, at, model):
     """Whether the stiffness matrix with the cables that are taut at the point itself is positive definite."""
-    K, L = model.K, model.L
-    for a in range(6):
-        for b in range(a + 1):
-            L[a, b] = K[a, b]
-    ck.add_springs(at.c, model.q, model.J, L)
-    return factorise(L, 6)
+    ck.add_springs(at.s, len(case.table), model.w, model.H, model.A)
+    return factorise(model.A, 6)
 
 
-@outlined
+@inline
 def _leave_saddle(case, here, model, V, trial):
-    """Step to a lower point along the direction of most negative curvature; False where there is none."""
+    """Step to a lower point along the direction of most negative curvature; return V there, nan where there is none."""
     H = np.empty((6, 6))
-    for a in range(6):
-        for b in range(a + 1):
-            H[a, b] = model.K[a, b]
-    ck.add_springs(here.c, model.q, model.J, H)
+    ck.add_springs(here.s, len(case.table), model.w, model.H, H)
     for a in range(6):
         for b in range(a):
             H[b, a] = H[a, b]
     if not math.isfinite(np.abs(H).sum()):  # nothing is known of the saddle, and NumPy would raise an error
-        return False
+        return np.nan
     eigenvalues, directions = np.linalg.eigh(H)
-    if eigenvalues[0] >= -NEUTRAL * ck.largest(eigenvalues):
-        return False
-    x, length, first, largest = np.empty(6), MAX_ROTATION * case.scale, 0, ck.largest(directions[:, 0])
+    if eigenvalues[0] >= -NEUTRAL * ck.largest(eigenvalues, 0, 6):
+        return np.nan
+    x, length, first = np.empty(6), MAX_ROTATION * case.scale, 0
+    largest = ck.largest(directions[:, 0], 0, 6)
     while abs(directions[first, 0]) < 0.5 * largest:
         first += 1
     if directions[first, 0] < 0.0:  # the sign is the BLAS's: every machine is to try the same side first
@@ -670,7 +636,9 @@ def _leave_saddle(case, here, model, V, trial):
         for sign in range(2):
             for a in range(6):
                 x[a] = directions[a, 0] * (length if sign == 0 else -length)
-            if _measure_at(case, here, x, trial) < V:
-                return True
+            work = move(case, here, x, trial)
+            lower = measure(case, trial)
+            if lower - work < V:
+                return lower
         length *= 0.5
-    return False
+    return np.nan

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core import cable_law
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.robot import Robot
@@ -86,8 +86,8 @@ def profiles(
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
-    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
-        return profile(exits, anchors, rest, cabling.reeving * np.broadcast_to(axial_stiffness, shape), weights, points)
+    if not (np.any(weights) and (cabling.bent or cabling.added.any())):
+        return profile(exits, anchors, rest, cabling.pulls(np.broadcast_to(axial_stiffness, shape)), weights, points)
     table = np.array(without_memory(robot).cable_table(np.broadcast_to(axial_stiffness, shape)))
     table[..., WEIGHT] = weights
     axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
@@ -95,20 +95,16 @@ def profiles(
     with np.errstate(all="ignore"):
         t = -found.pull
         t[..., 2] -= weights * (rest - wrapped)
-        T, e, r = found.exit_tension, cabling.pulley_axis, cabling.pulley_radius
-        u = t / T[..., None]
-        cosine = (u * e).sum(-1)[..., None]
-        n = u - cosine * e
-        sine = np.linalg.norm(n, axis=-1, keepdims=True)
-        law = axial_stiffness, *cabling.stiffening.T
-        unstretched = cable_law.rest_length_for(1.0, T, *law)
-        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * unstretched
+        T = found.exit_tension
+        beyond_exit, on_wheel = cable_path.leaves_wheel(cabling, t / T[..., None])
+        law = cable_law.of_table(table)
+        unstretched = cable_law.rest_length_for(1.0, T, law)
         # Rope from behind the exit that its stretch moves past the exit.
         pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
         mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
-        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        secant = mean / cable_law.strain_at(mean, law)
         over = cabling.pulleys & (weights > 0)
-        starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
-    rest = np.where(over, rest - on_wheel, rest) + pulled_out
-    stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
+        starts = np.where(over[..., None], exits + beyond_exit, exits)
+    rest = np.where(over, rest - on_wheel * unstretched, rest) + pulled_out
+    stiffness = np.where(cabling.nonlinear & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
     return profile(starts, anchors, rest, stiffness, weights, points)

@@ -6,95 +6,91 @@ The stiffness matrix is that of ``forces``, the reference in its tests.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.compiling import HEAP, inline, matrix, nowhere, vector, where
+from cdpr_sim.core.compiling import inline
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
+from cdpr_sim.statics.cable_kernel import SAGGING, TAU, E, K
 from cdpr_sim.statics.matrix_kernel import Tridiagonal, eigenvalues_of, factorise
+from cdpr_sim.statics.newton_kernel import memory
 
 
 class ModesScratch(NamedTuple):
-    """Intermediate results of ``fill_modes``. J: (cables, 6); K, M: (6, 6); S, L: (free, 6); d: eigenvalues (free)."""
+    """Intermediate results of ``fill_modes``. K, M: (6, 6); S, A: (free, 6); d: eigenvalues (free)."""
 
-    J: np.ndarray
     K: np.ndarray
     M: np.ndarray
     S: np.ndarray
-    L: np.ndarray
+    A: np.ndarray
     d: np.ndarray
     tridiagonal: Tridiagonal
 
 
-@inline
-def new_scratch(room, springs, n):
-    """Memory of these results."""
-    return ModesScratch(
-        matrix(room, springs, 6), matrix(room, 6, 6), matrix(room, 6, 6), matrix(room, n, 6), matrix(room, n, 6),
-        vector(room, n), Tridiagonal(vector(room, n), vector(room, n), vector(room, n)),
+def modes_of_all(
+    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, heavy, position, rotation, scratch,
+    eigenvalues, frequency,
+):  # fmt: skip
+    """Eigenvalues of the stiffness matrix and lowest natural frequency at (rows, columns) of poses."""
+    rows, columns, m = rest_lengths.shape
+    n = len(free)
+    d, here, _, model = memory(scratch)
+    own = ModesScratch(
+        np.empty((6, 6)), np.empty((6, 6)), np.empty((n, 6)), np.empty((n, 6)), np.empty(n),
+        Tridiagonal(np.empty(n), np.empty(n), np.empty(n)),
     )  # fmt: skip
-
-
-def element(new_cables: Callable) -> Callable:
-    """An element of the gufunc, for cables of the type that ``new_cables`` makes."""
-
-    def modes(
-        table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
-        frequency,
-    ):  # fmt: skip
-        """Eigenvalues of the stiffness matrix, and the lowest frequency from it and the mass matrix."""
-        cables, n = new_cables(HEAP, table), len(free)
-        ck.load(cables, table, rest_lengths, ())
-        state = ck.new_state(cables, HEAP)
-        scratch = new_scratch(HEAP, len(state.e), n)
-        ck.measure(cables, position, rotation, state)
-        frequency[0] = fill_modes(state, mass, gravity, center_of_mass, inertia, free, scale, rotation, scratch)
-        for a in range(n):
-            eigenvalues[a] = scratch.d[a]
-
-    return modes
+    for i in range(rows):
+        for j in range(columns):
+            kind = ck.load_table(d, table[i, j])
+            if heavy:
+                kind = SAGGING
+            ck.load_lengths(d, rest_lengths[i, j])
+            ck.measure(d, table[i, j], kind, position[i, j], rotation[i, j], here.s)
+            frequency[i, j] = fill_modes(
+                kind, here.s, model.w, m, mass[i, j], gravity, center_of_mass[i, j], inertia, free, scale[i, j],
+                rotation[i, j], own,
+            )  # fmt: skip
+            for a in range(n):
+                eigenvalues[i, j, a] = own.d[a]
 
 
 @inline
-def fill_modes(state, mass, gravity, com, inertia, free, scale, R, scratch):
+def fill_modes(kind, s, w, m, mass, gravity, com, inertia, free, scale, R, own):
     """Fill in the eigenvalues at a pose whose cables have been measured; return the lowest frequency."""
-    J, K, M, S, L, d = scratch.J, scratch.K, scratch.M, scratch.S, scratch.L, scratch.d
+    H, M, S, A, d = own.K, own.M, own.S, own.A, own.d
     n = len(free)
     for a in range(6):
-        for b in range(a + 1):
-            K[a, b] = 0.0
-    ck.fill_jacobian(state, scale, J)
-    ck.add_weight_curvature(mass * gravity, com, R, scale, K)
-    ck.add_stiffness(state, scale, K)
-    for i in range(len(state.e)):
-        pull = where(state.e[i] <= 0.0, 0.0, state.k[i] * state.e[i])  # lets nan through to the result
-        if nowhere(pull != 0.0):
-            continue
-        q = ck.add_curvature(state, i, pull, 1 / scale, K)
-        ck.add_along(where(state.e[i] > 0, state.k[i], 0.0) - q, J, i, K)
+        for b in range(6):
+            H[a, b] = 0.0
+    ck.fill_jacobian(s, scale, m, w)
+    ck.add_weight_curvature(mass * gravity, com, R, scale, H)
+    for i in range(m):
+        w[TAU + i] = 0.0 if s[E + i] <= 0.0 else s[K + i] * s[E + i]  # lets nan through to the result
+    ck.add_curvature(kind, s, scale, m, w, H)
+    ck.add_springs(s, m, w, H, H)
     _fill_mass_matrix(mass, com, inertia, R, M)
     for a in range(n):
         for b in range(a + 1):
             i, j = free[a], free[b]
-            S[a, b] = K[i, j]
-            L[a, b] = M[i, j] / ((scale if i >= 3 else 1.0) * (scale if j >= 3 else 1.0))
+            S[a, b] = H[i, j]
+            A[a, b] = M[i, j] / ((scale if i >= 3 else 1.0) * (scale if j >= 3 else 1.0))
     # K v = ω² M v is (L⁻¹ K L⁻ᵀ) w = ω² w with M = L Lᵀ.
-    moved = factorise(L, n)
-    lowest, largest = 0.0 * mass, 0.0 * mass
-    if not nowhere(moved):
-        _reduce(S, L, n)
-        eigenvalues_of(S, scratch.tridiagonal, d)
+    moved = factorise(A, n)
+    lowest, largest = 0.0, 0.0
+    if moved:
+        _reduce(S, A, n)
+        eigenvalues_of(S, own.tridiagonal, d)
         lowest, largest = d[0], max(abs(d[0]), abs(d[n - 1]))
     for a in range(n):
         for b in range(a + 1):
-            S[a, b] = K[free[a], free[b]]
-    eigenvalues_of(S, scratch.tridiagonal, d)
+            S[a, b] = H[free[a], free[b]]
+    eigenvalues_of(S, own.tridiagonal, d)
     rounding = NEUTRAL * largest
-    frequency = where(lowest > rounding, math.sqrt(max(lowest, 0.0)) / (2 * math.pi), 0.0)
-    return where(moved & (lowest >= -rounding), frequency, np.nan)
+    if not (moved and lowest >= -rounding):
+        return np.nan
+    return math.sqrt(lowest) / (2 * math.pi) if lowest > rounding else 0.0
 
 
 @inline

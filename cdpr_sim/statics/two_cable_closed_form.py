@@ -82,16 +82,15 @@ def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray
     """(X1, X2), (h1, h2) and b [m]."""
     robot.cabling.refuse_weight("two-cable closed form")
     if not robot.cabling.direct:
-        cable = int(np.argmax((robot.winch_to_exit > 0) | (robot.reeving > 1)))
         raise InvalidInput(
-            f"two-cable closed form: found winch_to_exit {robot.winch_to_exit[cable]:g} m and reeving "
-            f"{robot.reeving[cable]} in cable {cable + 1}, expected 0 and 1: the drive line is not taken "
-            "into account here"
+            f"two-cable closed form: found rope behind the exit or several parts of line in cable "
+            f"{int(np.argmax(robot.cabling.reeved)) + 1}, expected cables without: the drive line is not taken into "
+            "account here"
         )
     if robot.cabling.pulleys.any():
         raise InvalidInput(
-            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables without "
-            "pulleys: they are not taken into account here"
+            f"two-cable closed form: found a pulley in cable {int(np.argmax(robot.cabling.pulleys)) + 1}, expected "
+            "cables without: pulleys are not taken into account here"
         )
     first, second = (robot.anchors[0], robot.anchors[-1])
     if (

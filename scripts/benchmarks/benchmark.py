@@ -361,7 +361,7 @@ def threads() -> Iterator[Row]:
 
 
 def peak() -> Iterator[Row]:
-    """The loop is vectorised by the compiler: 64 independent sums. Newton steps count, what lanes solve besides not."""
+    """The loop is vectorised by the compiler: 64 independent sums."""
     import numba
 
     @numba.njit(fastmath=True)

@@ -1,6 +1,6 @@
 """Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run: python scripts/benchmarks/benchmark_solvers.py [--quick] [--lanes [POSES]] [--settling [POSES]]
+Run: python scripts/benchmarks/benchmark_solvers.py [--quick] [--kinds [POSES]] [--settling [POSES]]
 Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
@@ -18,8 +18,6 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import compiling
-from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.physics import dynamic_relaxation
 from cdpr_sim.statics import newton, seecr
 
@@ -32,7 +30,8 @@ BATCH = 2_000  # side by side
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
 WHEEL = 0.05  # radius of pulleys, in characteristic lengths
-DISTANCE, ROTATION = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
+NONLINEAR = (20.0, 500.0)  # stiffening
+DENSITY = 0.02  # [kg/m]
 SEED = 2024
 
 console = Console(width=120)
@@ -42,19 +41,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
     parser.add_argument(
-        "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
-        help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
+        "--kinds", type=int, nargs="?", const=POSES, metavar="POSES",
+        help="only: Newton's method by kinds of cables, at this many random poses per robot",
     )  # fmt: skip
-    parser.add_argument("--robots", nargs="*", metavar="NAME", help="of --lanes; default: all without mass")
+    parser.add_argument("--robots", nargs="*", default=ROBOTS, metavar="NAME", help="of --kinds; default: both")
     parser.add_argument(
         "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
         help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
     )  # fmt: skip
     options = parser.parse_args()
     share = 10 if options.quick else 1
-    if options.lanes or options.settling:
-        if options.lanes:
-            lanes(options.lanes, options.robots or cdpr.list_robots())
+    if options.kinds or options.settling:
+        if options.kinds:
+            kinds(options.kinds, options.robots)
         if options.settling:
             settling(options.settling)
         return
@@ -107,50 +106,33 @@ def static(poses: int, scipy_poses: int) -> None:
     console.print(theirs)
 
 
-def lanes(poses: int, names: Iterable[str]) -> None:
-    """Speed of the solver for eight poses at once beside that for one, and all poses where their answers differ.
-
-    Of each robot without mass; and of each without pulleys with some.
-    """
+def kinds(poses: int, names: Iterable[str]) -> None:
+    """Processor time of each pose on one thread, by the kinds of cables that each robot may have."""
     rows = table(
-        f"Eight poses at once beside one, {poses:,} random poses per robot; processor time",
-        "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "different", "of those stable",
+        f"Newton, {poses:,} random poses per robot, a tenth of them with mass; processor time, one thread",
+        "robot", "cables", "solved", "iterations", "µs per pose",
     )  # fmt: skip
-    robots = {name: cdpr.load_robot(name) for name in names}
-    robots = {name: robot for name, robot in robots.items() if robot.cabling.massless}
-    plain = {name: robot for name, robot in robots.items() if not robot.cabling.bent}
-    for name, robot in plain.items():
-        robots[f"{name} + pulleys"] = robot.replace(pulley_radius=WHEEL * robot.characteristic_length)
-    for name, robot in robots.items():
+    for name in names:
+        robot = cdpr.load_robot(name)
         positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
-        found, seconds = {}, {np.inf: [], 1: []}
-        for _ in range(REPETITIONS):
-            for compiling.LANES_FROM in seconds:
+        some = {
+            "as they are": robot,
+            "over pulleys": robot.replace(pulley_radius=WHEEL * robot.characteristic_length),
+            "nonlinear": robot.replace(stiffening=NONLINEAR),
+            "with mass": robot.replace(linear_density=DENSITY),
+        }
+        for kind, one in some.items():
+            asked = positions if one.cabling.massless else positions[: poses // 10]
+            seconds = []
+            for _ in range(REPETITIONS):
                 start = time.process_time()
-                found[compiling.LANES_FROM] = newton.solve_many(robot, positions)
-                seconds[compiling.LANES_FROM].append(time.process_time() - start)
-        one, eight = found[np.inf], found[1]
-        differ = np.abs(one.positions - eight.positions).max(-1) > DISTANCE
-        differ |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > ROTATION
-        differ |= one.status != eight.status
-        stable = stably(one) & stably(eight)
-        same = (one.iterations == eight.iterations).mean()
-        slow, fast = (1e6 * min(seconds[number]) / poses for number in (np.inf, 1))
-        rows.add_row(
-            name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}", f"{same:.2%}",
-            f"{(~stable).mean():.1%}", f"{differ.sum():,}", f"{(differ & stable).sum():,}",
-        )  # fmt: skip
-        for row in np.flatnonzero(differ & stable)[:5]:
-            console.print(
-                name, positions[row], "difference", np.abs(one.positions[row] - eight.positions[row]).max(),
-                "eigenvalues", one.eigenvalues[row][[0, -1]], "residuals", one.residuals[row], eight.residuals[row],
+                found = newton.solve_many(one, asked, threads=1)
+                seconds.append(time.process_time() - start)
+            rows.add_row(
+                name, kind, f"{found.converged.mean():.2%}", f"{found.iterations.mean():.1f}",
+                f"{1e6 * np.median(seconds) / len(asked):.2f}",
             )  # fmt: skip
     console.print(rows)
-
-
-def stably(equilibria: cdpr.EquilibriumBatch) -> np.ndarray:
-    """Whether each is stable, as ``EquilibriumBatch.stable``, for a million rows."""
-    return equilibria.eigenvalues[:, 0] > NEUTRAL * np.abs(equilibria.eigenvalues).max(-1)
 
 
 def neighbours(lines: int) -> None:

@@ -73,7 +73,7 @@ PATIENCE = 5
 """A test that takes this many times longer than without the fault, and more than half a minute, has detected it."""
 
 LONGEST = 900
-"""Seconds for the tests of one fault in a new process; the fastest tests run first."""
+"""Seconds for the tests of one fault, by the times that were recorded; the fastest tests run first."""
 
 INTERPRETED = 150
 """Seconds for the tests of one fault in a kernel. Tests that evaluate thousands of poses do not end in this time."""
@@ -328,6 +328,18 @@ class Record(NamedTuple):
             key=self.seconds.__getitem__,
         )
 
+    def within(self, tests: list[str], seconds: float) -> list[str]:
+        """As many of the tests as run in this time, each with the setup of its file."""
+        some, files, total = [], set(), 0.0
+        for one in tests:
+            file = one.partition("::")[0]
+            total += self.seconds.get(one, 0.0) + self.seconds.get(file, 0.0) * (file not in files)
+            files.add(file)
+            if total > seconds and some:
+                break
+            some.append(one)
+        return some
+
 
 def recorded(tree: Path, tests: list[str], jobs: int) -> Record:
     """Run the tests once, file by file only where it or what it executes has changed since they last passed."""
@@ -412,8 +424,11 @@ def _modules(tree: Path, file: str) -> list[str]:
 class Loop:
     """A plugin of pytest: run the tests of one fault after another, each in a fork."""
 
-    def __init__(self, tree: Path, faults: list[Fault], record: Record, left_out: list[str], answers: Any) -> None:
-        self.tree, self.faults, self.record, self.left_out, self.answers = tree, faults, record, left_out, answers
+    def __init__(
+        self, tree: Path, faults: list[Fault], record: Record, left_out: list[str], longest: float, answers: Any
+    ) -> None:
+        self.tree, self.faults, self.record, self.answers = tree, faults, record, answers
+        self.left_out, self.longest = left_out, longest
 
     def pytest_runtestloop(self, session: Any) -> bool:
         """Send the outcome of each fault to the parent process; None if this process cannot decide it."""
@@ -424,6 +439,7 @@ class Loop:
                 self.answers.put(None)
                 continue
             some = [one for one in tests_of(fault, changed, self.record) if one in items]
+            some = self.record.within(some, self.longest)
             few = [one for one in some if one.partition("::")[0] in self.left_out]
             outcome = SURVIVED
             for tests, detected in ([one for one in some if one not in few], DETECTED), (few, ONLY_LEFT_OUT):
@@ -492,9 +508,9 @@ def _rest(code: CodeType) -> tuple:
 
 
 def _compiled() -> set[str]:
-    from cdpr_sim.core import code_cache
+    from cdpr_sim.core import compiling
 
-    return set(code_cache.SOURCES)
+    return set(compiling.SOURCES)
 
 
 def _changed(path: Path, right: str, wrong: str) -> Changes | None:
@@ -511,18 +527,9 @@ def _changed(path: Path, right: str, wrong: str) -> Changes | None:
 
 def _patch_interpreted(changed: Changes) -> None:
     """The same, and Python interprets what Numba would compile."""
-    from cdpr_sim.core.compiling import Compiled, Kernel
+    from cdpr_sim.core import compiling
 
-    def interpreted(kernel: Any, *inputs: Any) -> Any:
-        arrays = [numpy.asarray(one) for one in inputs]
-        loops = [one.shape[: one.ndim - own] for one, own in zip(arrays, kernel.axes, strict=True)]
-        return kernel._interpreted(numpy.broadcast_shapes(*loops), *inputs)
-
-    numpy = importlib.import_module("numpy")
-    for name in ("__call__", "compiled_for_all"):
-        setattr(Kernel, name, interpreted)
-    name = "compiled"
-    setattr(Compiled, name, property(lambda one: one if isinstance(one, Kernel) else one._function))
+    compiling.INTERPRETED = True
     if changed:
         _patch(changed)
 
@@ -561,7 +568,7 @@ def run_loop(tree: Path, tests: list[str], loop: tuple) -> None:
 
 
 def outcomes(
-    tree: Path, faults: list[Fault], record: Record, left_out: list[str], jobs: int
+    tree: Path, faults: list[Fault], record: Record, left_out: list[str], longest: float, jobs: int
 ) -> Iterator[tuple[Fault, str]]:
     """Each fault and its outcome; of code that runs during imports last."""
     context = multiprocessing.get_context("forkserver")
@@ -569,7 +576,7 @@ def outcomes(
     running, again = [], []
     for part in (faults[k::jobs] for k in range(jobs)):
         answers = context.SimpleQueue()
-        process = context.Process(target=run_loop, args=(tree, files, (part, record, left_out, answers)))
+        process = context.Process(target=run_loop, args=(tree, files, (part, record, left_out, longest, answers)))
         process.start()
         running.append((process, answers, iter(part)))
     while running:
@@ -592,14 +599,15 @@ def outcomes(
     for k in range(min(jobs, len(again))):
         trees.put(tree.with_name(f"{tree.name}-{k}"))
     with ThreadPoolExecutor(jobs) as pool:
-        running = {pool.submit(survives, tree, trees, fault, record): fault for fault in again}
+        running = {pool.submit(survives, tree, trees, fault, record, longest): fault for fault in again}
         for one in as_completed(running):
             yield running[one], SURVIVED if one.result() else DETECTED
 
 
-def survives(tree: Path, trees: queue.SimpleQueue[Path], fault: Fault, record: Record) -> bool:
+def survives(tree: Path, trees: queue.SimpleQueue[Path], fault: Fault, record: Record, longest: float) -> bool:
     """Return whether the tests pass in a process that imports the fault, in a copy of the tree."""
     tests = record.of({fault.file}) or sorted({one.partition("::")[0] for one in record.seconds})
+    tests = record.within(tests, longest)
     tests += [one for one in record.seconds if one.startswith(READ_SIGNATURES) and one not in tests]
     own = trees.get()
     try:
@@ -613,10 +621,14 @@ def survives(tree: Path, trees: queue.SimpleQueue[Path], fault: Fault, record: R
         quiet: dict[str, Any] = dict(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         process = subprocess.Popen(command, cwd=own, env=environment, start_new_session=True, **quiet)
         try:
-            return process.wait(LONGEST) == 0
+            return process.wait(PATIENCE * longest) == 0
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-            print(f"not decided within {LONGEST} s, counted as survived: {fault}", file=sys.stderr, flush=True)
+            print(
+                f"not decided within {PATIENCE * longest:.0f} s, counted as survived: {fault}",
+                file=sys.stderr,
+                flush=True,
+            )
             return True
         finally:
             path.write_text(right, encoding="utf-8")
@@ -645,6 +657,9 @@ def main() -> int:
     parser.add_argument("--without", nargs="+", default=[], metavar="FILE", help="files of tests: are they needed?")
     parser.add_argument("--count", type=int, help="number of faults: 100 by default, of each file without 40")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--longest", type=float, default=LONGEST, help="seconds for the tests of one fault, as recorded"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that run tests")
     parser.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
     options = parser.parse_args()
@@ -659,7 +674,7 @@ def main() -> int:
     else:
         faults = list(itertools.islice(draw, options.count or 100))
     found, begin = {}, time.monotonic()
-    for fault, outcome in outcomes(tree, faults, record, options.without, options.jobs):
+    for fault, outcome in outcomes(tree, faults, record, options.without, options.longest, options.jobs):
         found[fault] = outcome
         if outcome != DETECTED:
             print(f"{outcome}: {fault}", flush=True)

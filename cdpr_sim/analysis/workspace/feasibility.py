@@ -21,8 +21,6 @@ by at most 0.012 N (60 random poses).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
@@ -250,7 +248,7 @@ def _demand(
 
 
 def over_poses(
-    kernels: Sequence[Kernel],
+    kernel: Kernel,
     robot: Robot,
     lower: Float[Array, "*#batch cables"],
     upper: Float[Array, "*#batch cables"],
@@ -264,7 +262,7 @@ def over_poses(
 
     def evaluated(*given: np.ndarray | float) -> tuple[np.ndarray]:
         with np.errstate(all="ignore"):
-            return (np.asarray(kernels[robot.cabling.bent](*given)),)
+            return (np.asarray(kernel(*given)),)
 
     given = (
         robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),

@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.memory import without_memory
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve
@@ -68,7 +68,7 @@ class Stage:
         self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
         robot = self.robot = trajectory.robot
         self.shapes = _fitting(trajectory, shapes)
-        self._massless = robot.replace(linear_density=0.0)  # for drawing only: a cable with mass is one curve
+        self._massless = without_mass(robot)  # for drawing only: a cable with mass is one curve
         self.model = _model(self._massless, trajectory.commanded[0])
         self.data = mujoco.MjData(self.model)
         self.scene = mujoco.MjvScene(self.model, maxgeom=MOST_GEOMS)
@@ -76,7 +76,7 @@ class Stage:
         self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         self.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._options = mujoco.MjvOption()
-        self._drawn = np.flatnonzero(robot.cabling.pulleys | (robot.cabling.linear_density > 0))
+        self._drawn = np.flatnonzero(robot.cabling.pulleys | robot.cabling.with_mass)
         self.model.tendon_group[self._drawn] = HIDDEN
         self.diagonal = float(np.linalg.norm(np.ptp(robot.frame, axis=0))) or 1.0
         self.poses = exaggerated(trajectory.poses, trajectory.commanded, exaggeration)
@@ -223,8 +223,8 @@ def _fitting(
     robot = trajectory.robot
     if shapes is None and not robot.cabling.massless:
         raise InvalidInput(
-            f"shapes: found none of cables of {robot.cabling.linear_density.max():g} kg/m, expected their profiles, "
-            "from cable_profiles"
+            f"shapes: found none of cable {int(np.argmax(robot.cabling.with_mass)) + 1}, which has mass, expected the "
+            "profiles, from cable_profiles"
         )
     expected = (len(trajectory), robot.cables)
     if shapes is not None and shapes.shape[:2] != expected:

@@ -1,0 +1,454 @@
+"""Motion of one platform in MuJoCo on cables of any kind: true inertia, dampers, winches, memories.
+
+Forces are computed at the ends of steps, from positions, lengths let out and memories of the same instant. Where the
+steps are short against every oscillation, as on massless cables, they are those of velocity Verlet: of second order,
+and without damping of their own,
+
+    v' = v + h/2 a,    x' = x + h v',    v'' = v' + h/2 a'        with  (M + τ D) a' = f(x') - D v'
+
+by MuJoCo's implicit integrator: dampers D act at the velocity of τ = h/2 later, that at the end of the step; or after
+more, where something is damped within less than half a step, so that it decays and does not alternate.
+
+Where they are not, a step is that of the theta method: D then contains τ times the slope of each spring, whose force is
+so the one after τ = θ h, and the transverse stiffness of taut chains (``chains.plucked``). What the step does not
+resolve decays; an oscillation of the angular frequency ω is damped by the ratio (θ - 1/2) ω h.
+
+    (M + τ D) a = f(x) - D v,    v' = v + h a,    x' = x + h (v + τ a)
+
+Springs are MuJoCo's own wherever it has the law. Dampers resist strains and not lengths: a winch that winds a cable is
+not damped. No cable pushes. What differs from the motion of real cables with mass:
+
+- The masses of a chain slide along its material while a winch winds it. That neglects the momentum of the cable that is
+  wound, a force of density times speed times winding speed at each end.
+- Wheels face their cables at once.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import ceil
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core.memory import Memory
+from cdpr_sim.physics import tendons, winches
+from cdpr_sim.physics.batch import UNUSED, Observation, matrices
+from cdpr_sim.physics.chains import ChainDivision, cut, plucked, segment_springs, strains
+from cdpr_sim.physics.rope_motion import RopeMotion
+from cdpr_sim.physics.sagging.chain_simulations import SHORTEST_FREE, ChainSimulations
+
+CHAINS = 0.6
+"""θ of motions on chains: above a half, so that oscillations of their masses that the steps do not resolve decay to two
+thirds in each."""
+
+CALM = 1.0
+"""θ of motions of which only the slow part is wanted."""
+
+ROUNDING = 1e-9
+"""Rounding of a number of steps."""
+
+NEAREST = 1e-9
+"""Least strain of a chain's segment that limits a step."""
+
+SWITCHED_OFF = UNUSED | mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
+"""Stages of MuJoCo that our models do not need, and its reset of a simulation that became unstable."""
+
+Winches = Callable[[float, float], Float[np.ndarray, " cables"]]
+"""Rest lengths (cables,) [m] after so many seconds, at the end of a step of this duration [s]."""
+
+
+class Motion:
+    """Motion of one platform, from the present state of its simulation.
+
+    Args:
+        simulation: the platform, at rest.
+        longest: longest time step [s].
+        viscosity: of the air [Pa s].
+        damping: of the platform's coordinates, (free,) [N s/m, N m s].
+        cable_damping: resistance of cables to strain, as a multiple of their stiffness [s].
+        damping_time: of the oscillation that is damped most [s].
+        theta: θ of the theta method; default: Verlet's, on chains ``CHAINS``.
+        memory: of cables with one, (1,); default: that of new ropes.
+        row: of the simulation.
+
+    Attributes:
+        model, data: MuJoCo's.
+        platform: number of the platform's body.
+        time: time that has passed [s].
+        let_out: rest lengths that winches have let out, (cables,) [m].
+        motors: winches that hold ``tensions`` and run as fast as that takes, (cables,); of massless cables.
+        tensions: (cables,) [N].
+    """
+
+    def __init__(
+        self,
+        simulation: ChainSimulations,
+        longest: float,
+        *,
+        viscosity: float = 0.0,
+        damping: Float[np.ndarray, " free"] | float = 0.0,
+        cable_damping: float = 0.0,
+        damping_time: float = np.inf,
+        theta: float | None = None,
+        memory: Memory | None = None,
+        row: int = 0,
+    ) -> None:
+        self.simulation, self.robot, self.row, self.longest = simulation, simulation.robot, row, float(longest)
+        self._cable_damping, self._damping_time = cable_damping, damping_time
+        simulation.residuals(np.array([row]))
+        self.model = model = simulation.batch.get_model(row)
+        model.opt.viscosity, model.opt.disableflags = viscosity, model.opt.disableflags | SWITCHED_OFF
+        free, self._chains = simulation.free, simulation.chains
+        model.dof_damping[:free], model.dof_armature[:free] = damping, 0
+        self._heavy = bool(len(self._chains.cables))
+        self._theta = CHAINS if self._heavy and theta is None else theta
+        # A cable that is slack at the beginning of a step may carry its share of the load at the end.
+        self._least = float(simulation.load[row]) / self.robot.cables
+        if not self._heavy:  # gyroscopic torques are implicit as well
+            model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+        self.data = data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = simulation.qpos[row], simulation.qvel[row]
+        if simulation.wrenches.any():
+            data.xfrc_applied[simulation.origin] = simulation.wrenches[row]
+        self.platform, self.time = simulation.platform, 0.0
+        self.let_out = simulation.rest_lengths[row].copy()
+        self.motors, self.tensions = np.zeros(self.robot.cables, dtype=bool), np.zeros(self.robot.cables)
+        self._name_fields()
+        self._ropes, self._sticks = None, np.zeros(self.robot.cables, dtype=bool)
+        if len(simulation.with_memory):
+            self._ropes = RopeMotion(self.robot, Memory.fresh(self.robot, (1,)) if memory is None else memory)
+        self._name_fields()
+        self._locate()
+        self._wind(self.let_out)
+        self._remember(0.0)
+        self._acceleration = self._accelerated(self.longest)
+
+    def _name_fields(self) -> None:
+        """Views of MuJoCo's arrays, and the tendons' own numbers."""
+        model, data, simulation, row = self.model, self.data, self.simulation, self.row
+        self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
+        self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
+        self._jacobian = np.zeros((model.ntendon, model.nv))
+        self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
+        # Of the law without memory; MuJoCo's springs of cables with one are switched off.
+        self._stiffness, self._further = simulation.springs[row].copy(), simulation.polynomials[row].copy()
+        self._bands, self._wound = simulation.bands[row, :, 1].copy(), self.let_out if simulation.given else None
+        others = np.ones(model.ntendon, dtype=bool)
+        others[simulation.tendons] = False
+        self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
+        self._springs = model.tendon_lengthspring[:, 1], model.tendon_stiffness
+        self._linear = self.robot.cabling.linear
+        self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
+        self._foreign = simulation.first[simulation.with_memory]
+        self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
+        swivels = simulation.swivels
+        frames = matrices(model.body_quat[swivels.bodies])
+        self._sites, self._wheels = data.site_xpos, model.body_pos[swivels.bodies]
+        self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
+        if self._heavy and not simulation.given:
+            self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
+        self._rates, self._evaluated = np.zeros(self.robot.cables), (self._qvel.copy(), self.longest)
+
+    def advance(self, seconds: float, winches: Winches | None = None) -> None:
+        """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
+        for _ in self.steps(seconds, winches):
+            pass
+
+    def steps(self, seconds: float, winches: Winches | None = None) -> Iterator[float]:
+        """``advance``, time step by time step: the time that has passed [s], after each."""
+        passed = 0.0
+
+        def wanted(after: float, step: float) -> Float[np.ndarray, " cables"]:
+            return self.let_out if winches is None else winches(after, step)
+
+        if self._theta is None:
+            count = max(1, ceil(seconds / self.longest - ROUNDING))
+            step = seconds / count
+            self._begin(step, wanted)
+            for number in range(1, count + 1):
+                self._verlet(step, wanted, number * step)
+                self.time += step
+                yield number * step
+            return
+        while (left := seconds - passed) > ROUNDING * self.longest:
+            step = left / ceil(left / self.longest - ROUNDING)
+            if self._heavy:
+                step = min(step, self._shortest())
+                if not step > 0:  # it became unstable
+                    return
+            self._theta_step(step, wanted(passed + step, step))
+            passed, self.time = passed + step, self.time + step
+            yield passed
+
+    def _begin(self, step: float, wanted: Winches) -> None:
+        """The acceleration now, at the beginning of steps in which winches run otherwise than before."""
+        held, rates = self.motors, self._rates
+        self._rates = (wanted(step, step) - self.let_out) / step
+        switched = held.any() or self.motors.any()
+        if switched:
+            self._remember(0.0)
+        if switched or (self._cable_damping and (rates != self._rates).any()):
+            qvel, evaluated = self._qvel.copy(), self._evaluated
+            self._qvel[:] = evaluated[0]
+            self._acceleration = self._accelerated(evaluated[1])
+            self._qvel[:], self._evaluated = qvel, evaluated
+
+    def _verlet(self, step: float, wanted: Winches, passed: float) -> None:
+        """One step, after which so many seconds will have ``passed``."""
+        qvel, half = self._qvel, step / 2
+        qvel += half * self._acceleration
+        mujoco.mj_integratePos(self.model, self._qpos, qvel, step)
+        self._locate()
+        lengths = wanted(passed, step)
+        self._rates = (lengths - self.let_out) / step
+        self._let_out(lengths, step)
+        self._acceleration = self._accelerated(step)
+        qvel += half * self._acceleration
+
+    def _theta_step(self, step: float, wanted: Float[np.ndarray, " cables"]) -> None:
+        """One step, at whose end winches have let out the ``wanted`` lengths [m]."""
+        qvel = self._qvel
+        self._rates = (wanted - self.let_out) / step
+        acceleration = self._accelerated(step)
+        later = qvel + self._later(step) * acceleration
+        qvel += step * acceleration
+        mujoco.mj_integratePos(self.model, self._qpos, later, step)
+        self._locate()
+        self._let_out(wanted, step)
+
+    def _later(self, step: float) -> float:
+        """τ [s]."""
+        return max((0.5 if self._theta is None else self._theta) * step, step - self._damping_time)
+
+    def _locate(self) -> None:
+        """Bring MuJoCo's positions and the tendons' Jacobian up to date, with wheels that face their cables."""
+        model, data, swivels = self.model, self.data, self.simulation.swivels
+        if len(swivels.coordinates):
+            mujoco.mj_kinematics(model, data)
+            away = self._sites[swivels.faced] - self._wheels
+            x, y = np.vecdot(self._axes, away)
+            self._qpos[swivels.coordinates] = self._straight + np.arctan2(y, x)
+            self._qvel[swivels.dofs] = 0
+        elif len(swivels):
+            swivels.face(model, data)
+        mujoco.mj_fwdPosition(model, data)
+        self._jacobian[self._entries] = self._sparse
+
+    def _let_out(self, lengths: Float[np.ndarray, " cables"], step: float) -> None:
+        """Winches have let out ``lengths`` [m] at the present instant, a ``step`` [s] after the last one."""
+        self.let_out = lengths
+        if self._theta is None:
+            self._wind(lengths)
+        self._remember(step)
+
+    def _wind(self, rest: Float[np.ndarray, " cables"]) -> None:
+        """Springs and masses for these rest lengths: all segments of a chain change alike."""
+        if rest is self._wound:
+            return
+        model, simulation, robot, cabling = self.model, self.simulation, self.robot, self.robot.cabling
+        self._wound, single, some = rest, simulation.single, simulation.massless
+        bands, stiffness = rest + simulation.entries, tendons.springs(cabling, robot.axial_stiffness, rest)
+        if self._plain:
+            self._bands, self._stiffness = bands, stiffness
+        else:
+            self._bands[single], self._stiffness[single] = bands[some], stiffness[some]
+        if not self._linear:
+            self._further[single] = tendons.polynomials(cabling, robot.axial_stiffness, rest)[some]
+        if self._heavy:
+            chains = self._chains
+            lengths, masses = cut(robot, rest[None], self._division)
+            stiffness, further = segment_springs(cabling, robot.axial_stiffness[None], lengths)
+            self._stiffness[chains.segments], self._further[chains.segments] = stiffness[0], further[0]
+            lengths[..., 0] += chains.entries
+            self._bands[chains.segments] = lengths[0]
+            model.body_mass[chains.nodes], model.body_mass[chains.ends] = masses[0, :, -2::-1], masses[0, :, -1]
+        self._springs[0][:], self._springs[1][:] = self._bands, self._stiffness
+        if not self._linear:
+            model.tendon_stiffnesspoly[:] = self._further
+        if self._ropes is not None:
+            model.tendon_stiffness[self._foreign] = model.tendon_stiffnesspoly[self._foreign] = 0.0
+
+    def _remember(self, seconds: float) -> None:
+        """Pulls of cables with a memory, which have come straight here from where they were ``seconds`` before."""
+        ropes, simulation = self._ropes, self.simulation
+        if ropes is None:
+            return
+        within = np.zeros(self.robot.cables)
+        if self._heavy:
+            within[self._chains.cables] = self._bands[self._chains.segments[:, 1:]].sum(1)
+        lengths = self._lengths[simulation.first] - simulation.entries + within
+        state = ropes.at(lengths, self.let_out, seconds, within, slopes=self._theta is not None)
+        if self.motors.any() and not self._heavy:
+            state = state.where(self.motors, ropes.under(lengths, self.tensions, seconds))
+        ropes.memory, self._sticks = state.memory, state.sticks
+        which = simulation.with_memory
+        self._pulls[self._foreign], self._slopes[self._foreign] = state.pulls[which], state.slopes[which]
+
+    def _accelerated(self, step: float) -> Float[np.ndarray, " dofs"]:
+        """The acceleration for a step, by MuJoCo's implicit integrator; the state does not change."""
+        model, data, qvel, self._some_motors = self.model, self.data, self._qvel, bool(self.motors.any())
+        self._evaluated = qvel.copy(), step
+        later = self._later(step)
+        if self._theta is not None:  # springs of the instant at which they act
+            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
+        self._pull_by(later)
+        model.opt.timestep = later
+        qpos, before = self._qpos.copy(), qvel.copy()
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_step2(model, data)
+        acceleration = (qvel - before) / later
+        self._qpos[:], qvel[:] = qpos, before
+        return acceleration
+
+    def _pull_by(self, later: float) -> Float[np.ndarray, " tendons"]:
+        """Dampers, and forces that MuJoCo's springs do not have, for a step of τ = ``later`` [s].
+
+        Returns:
+            Pulls at the present velocities [N], without what dampers of springs add.
+        """
+        simulation, velocity, winding = self.simulation, self._jacobian @ self._qvel, self._winding()
+        stretch = self._lengths - self._bands
+        taut = stretch > 0
+        if self._linear:
+            slope = taut * self._stiffness
+            pull = slope * stretch
+        else:
+            pull, slope = tendons.force(taut * stretch, self._stiffness, *self._further.T)
+            slope *= taut
+        drag, resisting, extra = self._cable_damping * slope, None, None
+        if self._theta is not None:
+            nearly = ~taut & (stretch + later * velocity > 0)  # it gets taut within the step
+            extra = nearly * self._stiffness * stretch
+            resisting = later * (slope + nearly * self._stiffness)
+        if self._ropes is not None:
+            own, slides = self._foreign, (self.motors & ~self._sticks)[simulation.with_memory]
+            extra = np.zeros_like(pull) if extra is None else extra
+            pull[own] = extra[own] = self._pulls[own]
+            drag[own] = np.where(slides | (pull[own] <= 0), 0.0, self._cable_damping * self._stiffness[own])
+            if resisting is not None:
+                resisting[own] = later * self._slopes[own]
+                extra[own] -= (resisting * winding)[own]
+        elif self._some_motors:
+            extra = np.zeros_like(pull) if extra is None else extra
+            which = self.motors[simulation.massless]
+            held, wanted = simulation.single[which], (self.robot.reeving * self.tensions)[simulation.massless][which]
+            extra[held] = wanted - pull[held]
+            pull[held], drag[held] = wanted, 0.0
+            if resisting is not None:
+                resisting[held] = 0.0
+        total = pull + drag * (velocity - winding)
+        pushes = total < 0
+        if pushes.any():  # no cable does; implicit springs decide that for the end of the step
+            drag[pushes], total[pushes] = 0.0, 0.0 if resisting is None else pull[pushes]
+            if resisting is None:
+                extra = np.zeros_like(pull) if extra is None else extra
+                extra[pushes] = -pull[pushes]
+        forces = drag * winding
+        self._applied[:] = (forces if extra is None else forces - extra) @ self._jacobian
+        self._dampers[:] = drag if resisting is None else resisting + drag
+        if self._heavy:
+            chains = self._chains
+            across = plucked(later, np.maximum(total[chains.segments], self._least), self._free())
+            self.model.dof_damping[chains.dofs] = across[:, :0:-1, None]
+            self._dampers[chains.brakes] = across[:, :1]
+        return total
+
+    def _winding(self) -> Float[np.ndarray, " tendons"]:
+        """Rates at which the rest lengths of tendons change [m/s]."""
+        if self._plain:
+            return self._rates
+        winding, simulation = np.zeros(self.model.ntendon), self.simulation
+        if not self._rates.any():
+            return winding
+        winding[simulation.single] = self._rates[simulation.massless]
+        if self._heavy:
+            winding[self._chains.segments] = self._rates[self._chains.cables, None] * self._division.lengths[0]
+        return winding
+
+    def _free(self) -> Float[np.ndarray, "chains segments"]:
+        """Lengths of the segments that are free to turn [m]: at rest; of the first over a wheel, what is beyond it."""
+        chains, data = self._chains, self.data
+        lengths = self._bands[chains.segments]
+        lengths[:, 0] -= chains.entries
+        if chains.over.any():
+            away = data.xpos[chains.first] - data.geom_xpos[chains.grooves]
+            squares = chains.radii[chains.over] ** 2
+            free = np.maximum((away * away).sum(1) - squares, SHORTEST_FREE**2 * squares)
+            lengths[chains.over, 0] = np.sqrt(free)
+        return lengths
+
+    def _shortest(self) -> float:
+        """[s] A segment that turns in a step is stretched by half the angle's square: at most as much as it is now."""
+        chains, bands = self._chains, self._bands
+        weights = self.simulation.weights[self.row]
+        stretch = np.maximum(self._lengths - bands, 0)[chains.segments] / bands[chains.segments]
+        least = weights / (self._stiffness * bands)[chains.segments[:, -1]]
+        strain = np.maximum(np.maximum(stretch, least[:, None]), NEAREST)
+        velocity = self._jacobian @ self._qvel
+        slides = self._qvel[chains.dofs][:, ::-1]
+        extending = np.concatenate([velocity[chains.brakes][:, None], slides], axis=1)
+        turning = np.sqrt(np.maximum((extending**2).sum(2) - velocity[chains.segments] ** 2, 0))
+        with np.errstate(divide="ignore"):
+            return float(np.min(np.sqrt(2 * strain) * self._free() / turning, initial=np.inf))
+
+    def look(self) -> Observation:
+        """Pose, lengths and tensions now; tensions include what dampers of cables add."""
+        simulation, data, robot = self.simulation, self.data, self.robot
+        self._wind(self.let_out)
+        pulls = self._pull_by(0.0)
+        tensions, lengths = np.empty(robot.cables), np.empty(robot.cables)
+        tensions[simulation.massless] = pulls[simulation.single]
+        lengths[simulation.massless] = self._lengths[simulation.single] - simulation.entries[simulation.massless]
+        if self._heavy:
+            chains = self._chains
+            along = data.xpos[chains.nodes[:, 0]] - data.xpos[chains.ends]
+            along /= np.linalg.norm(along, axis=1, keepdims=True)
+            weight = self.model.body_mass[chains.ends, None] * self.model.opt.gravity
+            tensions[chains.cables] = np.linalg.norm(pulls[chains.segments[:, -1], None] * along + weight, axis=1)
+            lengths[chains.cables] = self._chords()
+        at, turned = data.xpos[self.platform].copy(), data.xmat[self.platform].reshape(3, 3).copy()
+        return Observation(at[None], turned[None], lengths[None], (tensions / robot.reeving)[None])
+
+    def _chords(self) -> Float[np.ndarray, " chains"]:
+        """Lengths of cables with mass, over wheels that face the anchors [m]."""
+        chains, simulation = self._chains, self.simulation
+        if not chains.over.any():
+            return self._lengths[chains.chords] - chains.entries
+        simulation.qpos[self.row] = self._qpos
+        return simulation.lengths(np.array([self.row]))[0, chains.cables]
+
+    @property
+    def pose(self) -> RigidTransform:
+        """The platform's pose now."""
+        at, turned = self.data.xpos[self.platform], self.data.xquat[self.platform]
+        return RigidTransform.from_components(at, Rotation.from_quat(turned, scalar_first=True))
+
+    def lengths_under(self, tensions: Float[np.ndarray, " cables"], step: float) -> Float[np.ndarray, " cables"]:
+        """Rest lengths [m] that give the ropes these tensions at their anchors at the end of a ``step`` [s].
+
+        Of a chain, the last segment gets the strain with which its pull and the weight at the anchor have that size;
+        all others follow it. With the present lengths of massless cables, and those of chains to which present
+        velocities lead.
+        """
+        simulation, robot, data, every = self.simulation, self.robot, self.data, np.arange(self.robot.cables)
+        lengths = self._lengths if self._theta is None else self._lengths + step * (self._jacobian @ self._qvel)
+        spans, pulls = lengths[simulation.first] - simulation.entries, robot.reeving * tensions
+        if self._ropes is not None:
+            return self._ropes.under(spans, tensions, step).rest_lengths
+        wanted = winches.lengths_at(robot, strains(robot.cabling, every, pulls), spans)
+        if self._heavy:
+            chains = self._chains
+            along = data.xpos[chains.nodes[:, 0]] - data.xpos[chains.ends]
+            rise = along[:, 2] / np.linalg.norm(along, axis=1)
+            hung = self.model.body_mass[chains.ends] * robot.gravity
+            needed = pulls[chains.cables]
+            needed = hung * rise + np.sqrt(np.maximum(needed**2 - hung**2 * (1 - rise**2), 0))
+            wrapped, last = robot.wrapped_lengths[chains.cables], self._division.lengths[0, :, -1]
+            ends = lengths[chains.segments[:, -1]]
+            wanted[chains.cables] = wrapped + ends / (last * (1 + strains(robot.cabling, chains.cables, needed)))
+        return wanted
