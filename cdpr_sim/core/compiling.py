@@ -62,7 +62,7 @@ ROWS = 160
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py",
-    "core/locks.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/contraction_kernel.py",
+    "core/locks.py", "core/property.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/contraction_kernel.py",
     "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py", "proof/search_kernel.py",
     "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py", "statics/catenary.py",
     "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py", "statics/newton_kernel.py",
