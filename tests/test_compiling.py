@@ -144,7 +144,9 @@ def test_processes_that_come_at_once_all_compile_and_the_next_loads(tmp_path):
         assert f"cdpr_sim compiles its {what}: up to a minute, once on this machine" in said
     before = contents(tmp_path / "cache")
     assert len(before) == 4  # of each kernel an index and code
-    assert finished(start(tmp_path, BOTH)) == (ANSWERS, "")
+    printed, said = finished(start(tmp_path, BOTH))
+    assert printed == ANSWERS
+    assert "compiles its" not in said  # a busy machine may say that it still loads
     assert contents(tmp_path / "cache") == before
 
 
@@ -320,7 +322,10 @@ compiling.import_numba()
 random.seed(int(sys.argv[1]))
 signal.signal(signal.SIGALRM, interrupt)
 interrupted = 0
-for attempt in range(12):
+for attempt in range(100):
+    if interrupted == 3:
+        break
+    other._compiled = None
     signal.setitimer(signal.ITIMER_REAL, random.uniform(0.001, 0.4))
     try:
         other.compiled
@@ -337,7 +342,9 @@ def test_ctrl_c_amid_a_compilation_spoils_nothing(tmp_path):
     """The same process compiles it later, and another one loads what it keeps."""
     printed, _ = finished(start(tmp_path, CTRL_C, words=["0"]))
     assert printed == ["True", *ANSWERS]
-    assert finished(start(tmp_path, BOTH)) == (ANSWERS, "")
+    printed, said = finished(start(tmp_path, BOTH))
+    assert printed == ANSWERS
+    assert "compiles its" not in said
 
 
 INTERRUPTS = """
