@@ -495,12 +495,18 @@ def _from_lengths(
             f"the model does not explain the data: residuals are {spread:.3g} times their stated error; the standard "
             "errors do not count that"
         )
-    misfits = fit.misfits() / weights[:, None]
+    lengths, misfits = fit.misfits()
+    misfits = misfits / weights[:, None]
     limit = norm.isf(SURPRISING / 2 / misfits.size)
     outliers = []
     for row in np.flatnonzero(np.abs(misfits).max(1) > limit):
         cable = int(np.abs(misfits[row]).argmax())
         outliers.append(Outlier(int(row) + 1, f"length {cable + 1}", float(misfits[row, cable])))
+        reasons.append(
+            f"row {row + 1}: length {cable + 1} reads {1e3 * abs(lengths[row, cable]):.3g} mm "
+            f"{'more' if lengths[row, cable] > 0 else 'less'} than the others allow, {abs(misfits[row, cable]):.1f} "
+            "standard errors: did the cable skip, or are two lengths exchanged?"
+        )
     values = np.array([one.value(coordinate) for one, coordinate in zip(wanted, fit.x, strict=True)])
     factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
     residuals = np.full(measurements.values.shape, np.nan)

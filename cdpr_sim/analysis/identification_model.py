@@ -144,7 +144,7 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
 def parameters_at(
     robot: Robot, unknowns: Sequence[Unknown], x: Float[np.ndarray, " unknowns"]
 ) -> tuple[Robot, dict[str, np.ndarray]]:
-    """The robot with the unknowns at ``x``; and whole parameters, those of ``PERFECT`` and the changed ones, by name."""
+    """The robot with the unknowns at ``x``; and parameters by name: those of ``PERFECT`` and the changed ones."""
     sizes = dict.fromkeys(PERFECT, robot.cables) | {"angle_zeros": 3}
     found = {name: np.full(sizes[name], value) for name, value in PERFECT.items()}
     for one, coordinate in zip(unknowns, x, strict=True):

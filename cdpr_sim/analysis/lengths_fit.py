@@ -1,18 +1,19 @@
 """Identification from cable lengths alone: nobody measured where the platform was.
 
-Each row has the unstretched lengths of all cables at a place that was not measured, and the tensions of those cables that
-were pulled tight, if they are known. The pose of each row is an unknown besides those of the robot; where a platform has
-fewer free directions than cables, lengths are left over. With p the pose, t the known tensions, and the others those that
-balance the load,
+Each row has the unstretched lengths of all cables at a place that was not measured, and the tensions of those cables
+that were pulled tight, if they are known. The pose of each row is an unknown besides those of the robot; where a
+platform has fewer free directions than cables, lengths are left over. With p the pose, t the known tensions, and the
+others those that balance the load,
 
     r = (l0(p, t; θ) − offset)/gain − y,    minimised over θ and all p, over the standard errors,
 
-where l0 are the rest lengths that have these tensions (``statics.given_tensions``): all properties of the cables count.
-Without any tension, lengths are those that the winches let out at a pose: rigid ones, or those of the robot's pretension.
+where l0 are the rest lengths that have these tensions (``statics.given_tensions``): all properties of the cables count,
+and a new one needs no change here. Without any tension, lengths are those that the winches let out at a pose: rigid
+ones, or those of the robot's pretension.
 
-A step (Levenberg 1944; Marquardt 1963, doi:10.1137/0111030) eliminates the poses row by row: what is left of a row's numbers are
-their components normal to the change with the pose (Golub and Pereyra 1973, doi:10.1137/0710036). The statistics of
-``identification`` are those of these components.
+A step (Levenberg 1944; Marquardt 1963, doi:10.1137/0111030) eliminates the poses row by row: what is left of a row's
+numbers are their components normal to the change with the pose (Golub and Pereyra 1973, doi:10.1137/0710036). The
+statistics of ``identification`` are those of these components.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ STARTS, ROUGH_STEPS = 4, 25
 """Starting points along each axis of the frame for a pose that is not known, and steps from each."""
 
 SINGULAR = 1e-8
-"""Below this fraction of the largest singular value, a change of the pose changes no length: rotation about anchors that
-are one point."""
+"""Below this fraction of the largest singular value, a change of the pose changes no length: rotation about anchors
+that are one point."""
 
 FAR = 2.0
 """Lengths beyond this many diagonals of the frame are not those of its cables."""
@@ -91,7 +92,7 @@ class LengthsModel:
             row = int(np.argmin(enough))
             raise InvalidInput(
                 f"{data.source}: row {row + 1}: found the tensions of {int(self.pulled[row].sum())} cables, expected "
-                f"those of {cables - len(self.free)} or more, as the others follow from the balance of forces; or of none"
+                f"those of {cables - len(self.free)} or more, as balance gives the others; or of none"
             )
 
     def shown(
@@ -119,8 +120,11 @@ class LengthsModel:
         return (rest - offsets) / gains
 
     def _balanced(
-        self, matrix: Float[Array, "rows free cables"], load: Float[Array, "rows free"], known: Float[Array, "rows cables"]
-    ) -> Float[Array, "rows cables"]:  # fmt: skip
+        self,
+        matrix: Float[Array, "rows free cables"],
+        load: Float[Array, "rows free"],
+        known: Float[Array, "rows cables"],
+    ) -> Float[Array, "rows cables"]:
         """All tensions: the known ones, and those that balance the rest of the load, the smallest."""
         units = self.robot.units[self.free][:, None]
         matrix, known = matrix / units, np.where(self.pulled, known, 0.0)
@@ -196,12 +200,13 @@ class LengthsFit:
         """Which components are numbers left over: those that no pose moves."""
         return (self.normal**2).sum(1) > 0.5
 
-    def misfits(self) -> Float[Array, "rows cables"]:
-        """How many standard errors each length differs from what the other lengths of its row and the fit say."""
+    def misfits(self) -> tuple[Float[Array, "rows cables"], Float[Array, "rows cables"]]:
+        """By how much each length differs from what the others of its row and the fit say: [m], and over its error."""
         across = np.swapaxes(self.whitening, 1, 2) @ self.normal
         spread = (across**2).sum(-1)  # Baarda's test of one number (1968)
         seen = spread > SINGULAR * np.diagonal(self.whitening, axis1=1, axis2=2) ** 2
-        return np.where(seen, (across @ self.left[..., None])[..., 0] / np.sqrt(np.where(seen, spread, 1.0)), 0.0)
+        spread, along = np.where(seen, spread, np.inf), -(across @ self.left[..., None])[..., 0]
+        return along / spread, along / np.sqrt(spread)
 
 
 def moved(
@@ -304,7 +309,7 @@ def places(model: LengthsModel) -> tuple[Float[Array, "rows 3"], Float[Array, "r
     robot, data, source = model.robot, model.lengths, model.measurements.source
     diagonal = float(np.linalg.norm(np.ptp(np.vstack([robot.frame, robot.exits]), axis=0)))
     if data.max() > FAR * diagonal:
-        row, cable = np.unravel_index(int(data.argmax()), data.shape)
+        row, cable = np.argwhere(data > FAR * diagonal)[0]
         guess = "; are these millimetres?" if np.median(data[row]) > FAR * diagonal else ""
         raise InvalidInput(
             f"{source}: row {row + 1}: found a length {cable + 1} of {data[row, cable]:.6g} m in a frame of "
@@ -358,33 +363,25 @@ def _rough(
     grid = np.array([*product(*axes)])
     positions = np.repeat(grid, len(data), axis=0)
     rotations, wanted = np.tile(np.eye(3), (len(positions), 1, 1)), np.tile(data, (len(grid), 1))
-    best, damping, off, slope = None, np.full(len(positions), 1e-2), None, None
-    trial = positions, rotations
+    damping, trial = np.full(len(positions), 1e-2), (positions, rotations)
+    best, off = np.full(len(positions), np.inf), np.zeros(wanted.shape)
+    slope = np.zeros((*wanted.shape, len(free)))
     for _ in range(ROUGH_STEPS):
         with np.errstate(all="ignore"):
             cables = forces.geometry(robot, *trial)
         there = np.nan_to_num(cables.lengths - wanted, nan=1e3)
         cost = (there**2).sum(1)
-        by = np.swapaxes(-cables.wrench_matrix / robot.reeving, 1, 2)[..., free] / units
-        if best is None:
-            best, off, slope = cost, there, by
-        else:
-            good = cost <= best
-            positions, rotations = (
-                np.where(good[:, None], trial[0], positions),
-                np.where(good[:, None, None], trial[1], rotations),
-            )
-            best, off = np.where(good, cost, best), np.where(good[:, None], there, off)
-            slope = np.where(good[:, None, None], by, slope)
-            damping = np.where(good, damping / 5, damping * 5).clip(1e-12, 1e6)
-        assert off is not None
-        assert slope is not None
+        good, by = cost <= best, np.swapaxes(-cables.wrench_matrix, 1, 2)[..., free] / robot.reeving[:, None] / units
+        positions = np.where(good[:, None], trial[0], positions)
+        rotations = np.where(good[:, None, None], trial[1], rotations)
+        best, off = np.where(good, cost, best), np.where(good[:, None], there, off)
+        slope = np.where(good[:, None, None], by, slope)
+        damping = np.where(good, damping / 5, damping * 5).clip(1e-12, 1e6)
         normal = np.swapaxes(slope, 1, 2) @ slope + damping[:, None, None] * np.eye(len(free))
         step = -np.linalg.solve(normal, np.swapaxes(slope, 1, 2) @ off[..., None])[..., 0] / units
         whole = np.zeros((len(step), 6))
         whole[:, free] = step
         trial = moved(positions, rotations, whole)
-    assert best is not None
     costs = best.reshape(len(grid), len(data))
     chosen = costs.argmin(0) * len(data) + np.arange(len(data))
     return positions[chosen], rotations[chosen], np.sqrt(best[chosen] / robot.cables)
@@ -396,8 +393,8 @@ def _rough(
 def gauge_of(robot: Robot, unknowns: Sequence[Unknown], given: Sequence[str] | None) -> tuple[str, ...]:
     """Names of the unknown coordinates of exits that are held, since no length tells where the frame stands.
 
-    Those ``given``; by default all coordinates of the exit nearest to the base frame's origin, and heights of others, the
-    farthest first, as many as there are rigid motions that move unknown coordinates alone.
+    Those ``given``; by default all coordinates of the exit nearest to the base frame's origin, and heights of others,
+    the farthest first, as many as there are rigid motions that move unknown coordinates alone.
     """
     exits = [one for one in unknowns if one.parameter == "exits"]
     if given is not None:

@@ -134,8 +134,8 @@ class Measurements:
             frequencies: (rows, modes) [Hz], slowest first.
             masses: (rows,) of the platform with its load [kg]; default and nan: the robot's.
             wrenches: (rows, 6) external wrenches [N, N m].
-            errors: standard errors, by "position", "rotation", "tension", "swivel", "frequency", "length" or "rest_length":
-                a number, or an array that broadcasts to (rows, numbers of that kind).
+            errors: standard errors, by "position", "rotation", "tension", "swivel", "frequency", "length" or
+                "rest_length": a number, or an array that broadcasts to (rows, numbers of that kind).
             robot: name of the robot; checked when it is identified.
 
         Returns:
@@ -151,7 +151,9 @@ class Measurements:
             raise InvalidInput(f"commanded: found {found} of it and lengths at unknown poses, expected one of the two")
         read = None if lengths is None else checked_lengths(as_numbers("lengths", lengths), "lengths")
         given = (
-            np.full((len(read), 6), np.nan) if read is not None else checked_array("commanded", commanded, (None, None))
+            np.full((len(read), 6), np.nan)
+            if read is not None
+            else checked_array("commanded", () if commanded is None else commanded, (None, None))
         )
         if given.shape[1] not in (3, 6):
             raise InvalidInput(f"commanded: found {given.shape[1]} columns, expected (x, y, z) or a six-vector")

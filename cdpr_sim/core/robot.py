@@ -359,7 +359,7 @@ class Robot(Cables, HtmlRepr):
                 self.frame,
                 self.workspace,
                 self.mobility == "planar",
-            )  # fmt: skip
+            )
         )
 
     @cached_property
