@@ -80,20 +80,13 @@ class LengthsModel:
     unknowns: Sequence[Unknown]
 
     def __post_init__(self) -> None:
-        data, cables = self.measurements, self.robot.cables
+        data = self.measurements
         assert data.lengths is not None
         self.lengths = data.lengths
         given = np.full(self.lengths.shape, np.nan) if data.tensions is None else data.tensions
         self.tensions, self.pulled = given, ~np.isnan(given)
         self.wrenches = np.zeros((len(self.lengths), 6)) if data.wrenches is None else data.wrenches
         self.free = np.array(self.robot.free)
-        enough = self.pulled.sum(1) >= cables - len(self.free)
-        if self.pulled.any() and not enough.all():
-            row = int(np.argmin(enough))
-            raise InvalidInput(
-                f"{data.source}: row {row + 1}: found the tensions of {int(self.pulled[row].sum())} cables, expected "
-                f"those of {cables - len(self.free)} or more, as balance gives the others; or of none"
-            )
 
     def shown(
         self, x: Float[Array, " unknowns"], positions: Float[Array, "rows 3"], rotations: Float[Array, "rows 3 3"],
@@ -341,6 +334,17 @@ def places(model: LengthsModel) -> tuple[Float[Array, "rows 3"], Float[Array, "r
             f"{source}: row {row + 1}: found lengths that misfit by {1e3 * misfit[row]:.3g} mm, where half of the rows "
             f"misfit by less than {1e3 * np.median(misfit):.3g} mm: {why}"
         )
+    if model.pulled.any():
+        matrix = forces.geometry(robot, positions, rotations).wrench_matrix / robot.units[:, None]
+        matrix = np.where(model.pulled[:, None], 0.0, matrix)[:, robot.free]
+        lacking = (~model.pulled).sum(1) - np.linalg.matrix_rank(matrix, tol=1e-6)
+        if (lacking > 0).any():
+            row = int(np.argmax(lacking > 0))
+            known = int(model.pulled[row].sum())
+            raise InvalidInput(
+                f"{source}: row {row + 1}: found the tensions of {known} cables, expected those of "
+                f"{known + lacking[row]} or more, with which balance gives the others; or of none in any row"
+            )
     return positions, rotations
 
 
