@@ -61,7 +61,8 @@ def main() -> None:
         )
     print(f"coordinates within {1e3 * ENOUGH:g} mm: {(np.abs(errors) < ENOUGH).mean():.1%}")
     print(
-        f"machines with all coordinates within {1e3 * ENOUGH:g} mm: {(worst < ENOUGH).mean():.1%}; worst {1e3 * worst.max():.2f} mm"
+        within = f"{(worst < ENOUGH).mean():.1%}; worst {1e3 * worst.max():.2f} mm"
+        print(f"machines with all coordinates within {1e3 * ENOUGH:g} mm: {within}")
     )
     spread = np.sqrt(COVERAGE * (1 - COVERAGE) / draws)
     print(f"{COVERAGE:.0%} intervals contain the truth in {inside.mean():.1%} (one coordinate varies by {spread:.1%})")
