@@ -60,10 +60,8 @@ def main() -> None:
             f"{1e3 * np.mean(sizes, axis=0)[k]:.3f} mm, rigid belts {1e3 * np.sqrt((rigid[:, k] ** 2).mean()):.3f} mm"
         )
     print(f"coordinates within {1e3 * ENOUGH:g} mm: {(np.abs(errors) < ENOUGH).mean():.1%}")
-    print(
-        within = f"{(worst < ENOUGH).mean():.1%}; worst {1e3 * worst.max():.2f} mm"
-        print(f"machines with all coordinates within {1e3 * ENOUGH:g} mm: {within}")
-    )
+    within = f"{(worst < ENOUGH).mean():.1%}; worst {1e3 * worst.max():.2f} mm"
+    print(f"machines with all coordinates within {1e3 * ENOUGH:g} mm: {within}")
     spread = np.sqrt(COVERAGE * (1 - COVERAGE) / draws)
     print(f"{COVERAGE:.0%} intervals contain the truth in {inside.mean():.1%} (one coordinate varies by {spread:.1%})")
     factor = np.sqrt((rigid**2).mean() / (errors**2).mean())
