@@ -89,7 +89,10 @@ def prediction_error(
 
 
 def certainty(
-    slope: Float[np.ndarray, "numbers unknowns"], names: list[str], sizes: list[tuple[float, str]]
+    slope: Float[np.ndarray, "numbers unknowns"],
+    names: list[str],
+    sizes: list[tuple[float, str]],
+    unseen_as: str = "moving the platform",
 ) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
     """Standard errors of the unknowns, correlations, and sentences about what the data do not determine.
 
@@ -97,6 +100,7 @@ def certainty(
         slope: of the residuals.
         names: of the unknowns.
         sizes: what the standard error of each is compared with, and its name; inf where there is nothing.
+        unseen_as: what changes that the data do not see do without.
     """
     reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
     seen, unseen, kept = directions(slope)
@@ -105,9 +109,7 @@ def certainty(
         together = np.flatnonzero(np.abs(direction) > 1e-3)
         if len(together) > 1:
             listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
-            reasons.append(
-                f"the data cannot distinguish {listed}: they can change together without moving the platform"
-            )
+            reasons.append(f"the data cannot distinguish {listed}: they can change together without {unseen_as}")
     sensitivities = np.linalg.norm((slope / seen) @ kept.T, axis=0)
     covariance = (kept.T / sensitivities**2) @ kept / np.outer(seen, seen)
     errors = np.sqrt(np.diag(covariance))

@@ -19,12 +19,39 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm, t
 
-from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
-from cdpr_sim.analysis.identification_model import POSITIVE, RANGE, ROUGH, UNKNOWNS, IdentificationModel, unknowns_of
+from cdpr_sim.analysis.identifiability import (
+    INVISIBLE,
+    certainty,
+    directions,
+    leverages,
+    prediction_error,
+    too_many,
+)
+from cdpr_sim.analysis.identification_model import (
+    GROUPS,
+    POSITIVE,
+    RANGE,
+    ROUGH,
+    SENSORS,
+    UNKNOWNS,
+    IdentificationModel,
+    Unknown,
+    parameters_at,
+    unknowns_of,
+)
+from cdpr_sim.analysis.lengths_fit import (
+    SMALLEST,
+    LengthsFit,
+    LengthsModel,
+    fitted,
+    gauge_of,
+    places,
+)
 from cdpr_sim.analysis.measurements import KINDS, Measurements
-from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
+from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless, shown
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
@@ -112,6 +139,9 @@ class Identification(HtmlRepr):
         requested: the unknowns that were requested.
         repeats: which rows repeat an earlier one to the last digit, inputs and measured numbers, without a stated
             error, (rows,): they add nothing, and are not counted.
+        gauge: unknown coordinates that were held as given, because lengths at unknown poses do not tell where the whole
+            frame stands.
+        poses: where the platform was in each row, found from lengths, (rows, 6) [m, rad]; nan where it was commanded.
     """
 
     robot: Robot
@@ -133,6 +163,8 @@ class Identification(HtmlRepr):
     given: Robot
     requested: tuple[str, ...]
     repeats: Bool[np.ndarray, " rows"]
+    gauge: tuple[str, ...] = ()
+    poses: Float[np.ndarray, "rows 6"] | None = None
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         """(value, standard error) of the unknown called ``name``.
@@ -209,6 +241,8 @@ class Identification(HtmlRepr):
         """
         refuse_unless(Measurements, measurements=measurements)
         measurements.check_robot(self.robot)
+        if measurements.lengths is not None:
+            raise InvalidInput("measurements: found lengths at unknown poses, which nothing predicts; expected poses")
         wanted = {one.name: one for one in unknowns_of(self.given, measurements, self.requested)}
         kept = [wanted[name] for name in self.names if name in wanted]
         values = [value for name, value in zip(self.names, self.values, strict=True) if name in wanted]
@@ -238,6 +272,8 @@ def identify(
     swivel_error: float | None = None,
     frequency_error: float | None = None,
     rest_length_error: float | None = None,
+    length_error: float | None = None,
+    gauge: Sequence[str] | None = None,
     robust: bool = False,
 ) -> Identification:
     """Fit ``unknowns`` to what was measured in equilibrium.
@@ -257,6 +293,10 @@ def identify(
         swivel_error: standard error of a measured swivel angle [rad].
         frequency_error: standard error of a measured natural frequency [Hz].
         rest_length_error: standard error of a rest length [m]; default: rest lengths are exact.
+        length_error: standard error of a length at an unknown pose [m].
+        gauge: names of coordinates of unknown exits that are held as given where only lengths were measured, such as
+            "exit 3 x"; default: all of the exit nearest to the origin, and heights of others, as many as the frame has
+            rigid motions.
         robust: by Huber's weights, so that outliers count in proportion to their size, not to its square.
 
     Returns:
@@ -276,8 +316,10 @@ def identify(
     measurements.check_robot(robot)
     names = _names(unknowns)
     wanted = unknowns_of(robot, measurements, names)
-    given = (position_error, rotation_error, tension_error, swivel_error, frequency_error, rest_length_error)
-    kinds_and_lengths = zip((*KINDS, "rest_length"), given, ("m", "rad", "N", "rad", "Hz", "m"), strict=True)
+    given = (
+        position_error, rotation_error, tension_error, swivel_error, frequency_error, length_error, rest_length_error,
+    )  # fmt: skip
+    kinds_and_lengths = zip((*KINDS, "rest_length"), given, ("m", "rad", "N", "rad", "Hz", "m", "m"), strict=True)
     stated = {
         kind: positive(f"{kind}_error", error, unit) for kind, error, unit in kinds_and_lengths if error is not None
     }
@@ -285,6 +327,10 @@ def identify(
     measurements = measurements.with_errors(
         {kind: error for kind, error in stated.items() if kind in measured | {"rest_length"}}
     )
+    if measurements.lengths is not None:
+        return _from_lengths(robot, measurements, wanted, names, gauge, robust)
+    if gauge is not None:
+        raise InvalidInput(f"gauge: found {shown(gauge)} beside known poses, expected it with lengths at unknown ones")
     asked, kept, of = measurements, *_distinct_rows(measurements)
     measurements = asked.rows(kept)
     known = measurements.known
@@ -382,13 +428,128 @@ def identify(
     )
 
 
+def _from_lengths(
+    robot: Robot,
+    measurements: Measurements,
+    wanted: Sequence[Unknown],
+    names: tuple[str, ...],
+    gauge: Sequence[str] | None,
+    robust: bool,
+) -> Identification:
+    """``identify`` where only lengths were measured, and tensions of cables that were pulled tight."""
+    sensors = [one.name for one in wanted if one.parameter in SENSORS]
+    if sensors:
+        raise InvalidInput(f"unknowns: found {sensors[0]} beside lengths alone, expected numbers of robot and winches")
+    held = gauge_of(robot, wanted, None if gauge is None else listed("gauge", gauge, "a list of names"))
+    wanted = [one for one in wanted if one.name not in held]
+    model = LengthsModel(robot, measurements, wanted)
+    rows, cables = model.lengths.shape
+    stated = measurements.errors[:, measurements.kinds == KINDS.index("length")]
+    estimated = bool(np.isnan(stated).any())
+    tension_errors = np.zeros((rows, cables))
+    if measurements.tensions is not None:
+        tension_errors = np.nan_to_num(measurements.errors[:, measurements.kinds == KINDS.index("tension")])
+    scatter, weights = 1e-4 * robot.characteristic_length if estimated else 0.0, np.ones(rows)
+    fit, x = None, None
+    at = places(model)
+    for _ in range(REWEIGHTINGS):
+        errors = np.where(np.isnan(stated), scatter, stated)
+        fit = fitted(model, at, errors, tension_errors, x, weights)
+        x, at = fit.x, (fit.positions, fit.rotations)
+        left, slopes, of = _left_over(fit)
+        freedom = float((1 - leverages(slopes)).sum())
+        if freedom < -0.5 or len(left) < len(wanted):
+            break
+        before, weighed = scatter, weights
+        if robust:
+            sizes = np.sqrt((fit.left**2).mean(1)) / weights
+            weights = np.sqrt(np.minimum(1.0, TUNING / np.maximum(sizes, TUNING)))
+        if estimated and freedom > LEAST_FREEDOM:
+            squares = float((left**2).sum()) / (_WEIGHTED_SQUARES if robust else 1.0)
+            scatter = max(scatter * float(np.sqrt(squares / freedom)), SMALLEST)
+        if np.isclose(scatter, before, rtol=1e-3) and np.allclose(weights, weighed, atol=1e-3):
+            break
+    assert fit is not None
+    left, slopes, of = _left_over(fit)
+    if len(left) < len(wanted):
+        raise InvalidInput(
+            f"{measurements.source}: found {rows * cables} lengths at {rows} unknown poses, which leave {len(left)} "
+            f"numbers, expected {len(wanted)} or more for {len(wanted)} unknowns"
+        )
+    freedom = float((1 - leverages(slopes)).sum())
+    errors, correlations, reasons = certainty(
+        slopes, [one.name for one in wanted], [one.size for one in wanted], "changing a length"
+    )
+    if robust:
+        errors = errors / np.sqrt(EFFICIENCY)
+    if estimated and not freedom > LEAST_FREEDOM:
+        reasons.append("the standard errors are unknown: no residual is left to estimate them from; state length_error")
+        errors = np.where(np.isfinite(errors), np.nan, errors)
+    size = float((left**2).sum())
+    spread = float(np.sqrt(size / freedom)) if freedom > LEAST_FREEDOM else 1.0
+    if not estimated and freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
+        reasons.append(
+            f"the model does not explain the data: residuals are {spread:.3g} times their stated error; the standard "
+            "errors do not count that"
+        )
+    lengths, misfits = fit.misfits()
+    misfits = misfits / weights[:, None]
+    limit = norm.isf(SURPRISING / 2 / misfits.size)
+    outliers = []
+    for row in np.flatnonzero(np.abs(misfits).max(1) > limit):
+        cable = int(np.abs(misfits[row]).argmax())
+        outliers.append(Outlier(int(row) + 1, f"length {cable + 1}", float(misfits[row, cable])))
+        reasons.append(
+            f"row {row + 1}: length {cable + 1} reads {1e3 * abs(lengths[row, cable]):.3g} mm "
+            f"{'more' if lengths[row, cable] > 0 else 'less'} than the others allow, {abs(misfits[row, cable]):.1f} "
+            "standard errors: did the cable skip, or are two lengths exchanged?"
+        )
+    values = np.array([one.value(coordinate) for one, coordinate in zip(wanted, fit.x, strict=True)])
+    factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
+    residuals = np.full(measurements.values.shape, np.nan)
+    residuals[:, measurements.kinds == KINDS.index("length")] = fit.residuals
+    known = np.log(np.linalg.det(fit.whitening)).sum()
+    length = float(np.sqrt(np.mean(np.where(np.isnan(stated), scatter, stated) ** 2)))
+    euler = np.array([Rotation.from_matrix(one).as_euler("xyz") for one in fit.rotations])
+    return Identification(
+        robot=parameters_at(robot, wanted, fit.x)[0],
+        names=tuple(one.name for one in wanted),
+        units=tuple(one.unit for one in wanted),
+        values=values,
+        standard_errors=errors * factors,
+        correlations=correlations,
+        residuals=residuals,
+        spread=spread,
+        scatters={"length": length},
+        estimated=("length",) if estimated else (),
+        predictions={names: prediction_error(slopes, left, of)},
+        reasons=tuple(reasons),
+        degrees_of_freedom=len(left) - len(directions(slopes)[2]),
+        deviance=size - 2 * float(known) + len(left) * np.log(2 * np.pi),
+        outliers=tuple(sorted(outliers, key=lambda one: -abs(one.size))),
+        kinds=measurements.kinds,
+        given=robot,
+        requested=names,
+        repeats=np.zeros(rows, bool),
+        gauge=held,
+        poses=np.hstack([fit.positions, euler]),
+    )
+
+
+def _left_over(
+    fit: LengthsFit,
+) -> tuple[Float[np.ndarray, " numbers"], Float[np.ndarray, "numbers unknowns"], Int[np.ndarray, " numbers"]]:
+    """Numbers that no pose moves, over their standard errors, their slopes, and the rows that they belong to."""
+    return fit.left[fit.counted], fit.slopes[fit.counted], np.nonzero(fit.counted)[0]
+
+
 def _scales(robot: Robot) -> tuple[Float[np.ndarray, " kinds"], Float[np.ndarray, " kinds"]]:
     """Scatters that are of one size, as a metre of the platform's position; and the least of each that is estimated."""
     arm, weight = robot.characteristic_length, max(robot.weight, 1.0)
     stiffness = float(np.median(robot.axial_stiffness)) / arm
     pendulum = float(np.sqrt(max(robot.gravity, 1.0) / arm)) / (2 * np.pi)
-    alike = np.array([1.0, 1 / arm, weight / arm, 1 / arm, pendulum / arm])
-    return alike, EXACT * np.array([1.0, 1.0, stiffness, 1.0, pendulum / arm])
+    alike = np.array([1.0, 1 / arm, weight / arm, 1 / arm, pendulum / arm, 1.0])
+    return alike, EXACT * np.array([1.0, 1.0, stiffness, 1.0, pendulum / arm, 1.0])
 
 
 def _distinct_rows(measurements: Measurements) -> tuple[Int[np.ndarray, " kept"], Int[np.ndarray, " rows"]]:
@@ -556,7 +717,7 @@ def _names(unknowns: Sequence[str]) -> tuple[str, ...]:
     if not unknowns:
         raise InvalidInput(f"unknowns: found none, expected some of {', '.join(UNKNOWNS)}")
     for name in unknowns:
-        one_of("unknown", name, UNKNOWNS)
+        one_of("unknown", GROUPS.get(str(name).partition(" ")[0], name), UNKNOWNS)
     if len(set(unknowns)) < len(unknowns):
         raise InvalidInput(f"unknowns: found {', '.join(unknowns)}, expected each once")
     for one, other in (("axial_stiffness", "axial_stiffness_each"), ("angle_zeros", "yaw_zero")):

@@ -44,6 +44,9 @@ UNKNOWNS = (
 mass, centre of mass, exits, anchors; one number for all cables of their other properties; a load cell shows gain times
 tension plus offset; zeros of alpha, beta and gamma, of gamma alone, of the swivel angles."""
 
+GROUPS = {"exit": "exits", "anchor": "anchors"}
+"""Unknowns of which some alone can be fitted: "exit 3", all its coordinates, or "exit 3 x"."""
+
 PERFECT = {
     "rest_lengths": 0.0, "rest_length_gains": 1.0, "force_gains": 1.0, "force_offsets": 0.0, "angle_zeros": 0.0,
     "swivel_zeros": 0.0,
@@ -132,7 +135,8 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
         table[name] = (name, name, PROPERTIES[name].unit, those, further)
     found: list[Unknown] = []
     for name in names:
-        common, parameter, unit, numbers, further = table[name]
+        common, parameter, unit, numbers, further = table[GROUPS.get(name.partition(" ")[0], name)]
+        numbers = [one for one in numbers if name in table or f"{common}{one[0]} ".startswith(f"{name} ")]
         if not numbers:
             lacking = "robot with pulleys" if name in OF_ALL_CABLES else "measurement that depends on it"
             raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
@@ -144,6 +148,20 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
             start = max(start, further.get("least", start))
             found.append(Unknown(common + own, unit, parameter, columns, start, **further))
     return found
+
+
+def parameters_at(
+    robot: Robot, unknowns: Sequence[Unknown], x: Float[np.ndarray, " unknowns"]
+) -> tuple[Robot, dict[str, np.ndarray]]:
+    """The robot with the unknowns at ``x``; and parameters by name: those of ``PERFECT`` and the changed ones."""
+    sizes = dict.fromkeys(PERFECT, robot.cables) | {"angle_zeros": 3}
+    found = {name: np.full(sizes[name], value) for name, value in PERFECT.items()}
+    for one, coordinate in zip(unknowns, x, strict=True):
+        if one.parameter not in found:
+            found[one.parameter] = np.array(getattr(robot, one.parameter), dtype=float, ndmin=1)
+        found[one.parameter].flat[list(one.columns)] = one.value(coordinate)
+    new = {name: value if name != "mass" else float(value[0]) for name, value in found.items() if name not in PERFECT}
+    return robot.replace(**new), found
 
 
 class IdentificationModel:
@@ -269,23 +287,9 @@ class IdentificationModel:
 
     def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
         """The robot and its rest lengths with the unknowns at ``x``."""
-        self._values(x)
-        new = {
-            name: value if name != "mass" else float(value[0])
-            for name, value in self._of.items()
-            if name not in PERFECT
-        }
+        robot, self._of = parameters_at(self.robot, self.unknowns, x)
         given = self.rest_lengths + self.corrections
-        return self.robot.replace(**new), self._of["rest_length_gains"] * given + self._of["rest_lengths"]
-
-    def _values(self, x: Float[np.ndarray, " unknowns"]) -> None:
-        """Whole parameters with the unknowns at ``x``, by name."""
-        sizes = dict.fromkeys(PERFECT, self.robot.cables) | {"angle_zeros": 3}
-        self._of = {name: np.full(sizes[name], value) for name, value in PERFECT.items()}
-        for one, coordinate in zip(self.unknowns, x, strict=True):
-            if one.parameter not in self._of:
-                self._of[one.parameter] = np.array(getattr(self.robot, one.parameter), dtype=float, ndmin=1)
-            self._of[one.parameter].flat[list(one.columns)] = one.value(coordinate)
+        return robot, self._of["rest_length_gains"] * given + self._of["rest_lengths"]
 
     def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
         """Equilibria at ``x``, kept until the next call.

@@ -11,6 +11,9 @@ A CSV file names its columns and their units, ``commanded_x [mm]``, ``measured_b
   natural modes, slowest first.
 - ``robot``, a name.
 
+A file with ``length_1``, ..., of all cables, has no poses: neither commanded nor measured ones. They are unstretched
+lengths that were read at places that nobody measured; beside them the tensions of cables that were pulled tight.
+
 Each measured column and each rest length may have a standard error, ``tension_1_error [N]``. An empty cell was not
 measured. Angles are the paper's R = Rz(gamma) Ry(beta) Rx(alpha).
 """
@@ -38,9 +41,9 @@ from cdpr_sim.core.robot import Robot
 
 COORDINATES = ("x", "y", "z", "alpha", "beta", "gamma")
 
-KINDS = ("position", "rotation", "tension", "swivel", "frequency")
+KINDS = ("position", "rotation", "tension", "swivel", "frequency", "length")
 """Kinds of measured numbers: coordinates [m], angles of the platform [rad], tensions [N], swivel angles [rad], natural
-frequencies [Hz]."""
+frequencies [Hz], lengths of cables at poses that were not measured [m]."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "mrad": 1e-3}
@@ -55,9 +58,9 @@ LARGEST_FILE = 50_000_000
 """Largest size of a file [bytes]: half a million rows."""
 
 _HEADER = re.compile(r"^(?P<name>[a-z_0-9]+)\s*(\[(?P<unit>[^\]]+)\])?$")
-_NUMBERED = re.compile(r"^(?P<kind>rest_length|tension|swivel|frequency)_(?P<number>[1-9]\d{0,3})$")
+_NUMBERED = re.compile(r"^(?P<kind>rest_length|length|tension|swivel|frequency)_(?P<number>[1-9]\d{0,3})$")
 _COLUMNS = {
-    r"commanded_[xyz]": LENGTHS, r"measured_[xyz](_error)?": LENGTHS, r"rest_length_[1-9]\d{0,3}(_error)?": LENGTHS,
+    r"commanded_[xyz]": LENGTHS, r"measured_[xyz](_error)?": LENGTHS, r"(rest_)?length_[1-9]\d{0,3}(_error)?": LENGTHS,
     r"commanded_(alpha|beta|gamma)": ANGLES, r"measured_(alpha|beta|gamma)(_error)?": ANGLES,
     r"swivel_[1-9]\d{0,3}(_error)?": ANGLES, r"tension_[1-9]\d{0,3}(_error)?": FORCES, r"force_[xyz]": FORCES,
     r"torque_[xyz]": TORQUES, r"mass": MASSES, r"frequency_[1-9]\d{0,3}(_error)?": FREQUENCIES,
@@ -70,7 +73,7 @@ class Measurements:
     """Commanded and measured quantities of equilibria, row by row.
 
     Attributes:
-        commanded: (rows, 6) [m, rad].
+        commanded: (rows, 6) [m, rad]; nan where only ``lengths`` were measured.
         measured: (rows, 6) poses [m, rad], nan where not measured.
         rest_lengths: (rows, cables) [m], or None where the winches followed the rigid geometry.
         robot: name of the robot, if given.
@@ -82,6 +85,7 @@ class Measurements:
         wrenches: (rows, 6) known external wrenches [N, N m]; None: none acts.
         stated_errors: standard errors of all ``values``, (rows, numbers), nan where not stated; None: none is.
         rest_length_errors: (rows, cables) standard errors of the rest lengths [m]; None: they are exact.
+        lengths: (rows, cables) unstretched lengths that were read at unknown poses [m]; None: poses were commanded.
     """
 
     commanded: Float[np.ndarray, "rows 6"]
@@ -96,15 +100,17 @@ class Measurements:
     wrenches: Float[np.ndarray, "rows 6"] | None = None
     stated_errors: Float[np.ndarray, "rows numbers"] | None = None
     rest_length_errors: Float[np.ndarray, "rows cables"] | None = None
+    lengths: Float[np.ndarray, "rows cables"] | None = None
 
     @classmethod
     def of(
         cls,
-        commanded: ArrayLike,
+        commanded: ArrayLike | None = None,
         measured: ArrayLike | None = None,
         *,
         coordinates: Sequence[str] = COORDINATES,
         rest_lengths: ArrayLike | None = None,
+        lengths: ArrayLike | None = None,
         tensions: ArrayLike | None = None,
         swivels: ArrayLike | None = None,
         frequencies: ArrayLike | None = None,
@@ -116,17 +122,20 @@ class Measurements:
         """Measurements from arrays; nan where a number was not measured.
 
         Args:
-            commanded: (rows, 3) [m] or (rows, 6) [m, rad]; where the search for each equilibrium starts.
+            commanded: (rows, 3) [m] or (rows, 6) [m, rad]; where the search for each equilibrium starts. Left out with
+                ``lengths``.
             measured: (rows, len(coordinates)) [m, rad].
             coordinates: which of x, y, z, alpha, beta, gamma the columns of ``measured`` are.
             rest_lengths: (rows, cables) [m]; default: the rigid ones at each commanded pose.
+            lengths: (rows, cables) unstretched lengths that were read where no pose is known [m]; beside them only
+                ``tensions``, of the cables that were pulled tight, ``masses`` and ``wrenches``.
             tensions: (rows, cables) [N].
             swivels: (rows, cables) [rad], as in ``core.cable_path.swivel_angles``.
             frequencies: (rows, modes) [Hz], slowest first.
             masses: (rows,) of the platform with its load [kg]; default and nan: the robot's.
             wrenches: (rows, 6) external wrenches [N, N m].
-            errors: standard errors, by "position", "rotation", "tension", "swivel", "frequency" or "rest_length": a
-                number, or an array that broadcasts to (rows, numbers of that kind).
+            errors: standard errors, by "position", "rotation", "tension", "swivel", "frequency", "length" or
+                "rest_length": a number, or an array that broadcasts to (rows, numbers of that kind).
             robot: name of the robot; checked when it is identified.
 
         Returns:
@@ -137,7 +146,15 @@ class Measurements:
                 measured.
             UnknownName: no such coordinate or kind.
         """
-        given = checked_array("commanded", commanded, (None, None))
+        if (commanded is None) == (lengths is None):
+            found = "neither" if lengths is None else "both"
+            raise InvalidInput(f"commanded: found {found} of it and lengths at unknown poses, expected one of the two")
+        read = None if lengths is None else checked_lengths(as_numbers("lengths", lengths), "lengths")
+        given = (
+            np.full((len(read), 6), np.nan)
+            if read is not None
+            else checked_array("commanded", () if commanded is None else commanded, (None, None))
+        )
         if given.shape[1] not in (3, 6):
             raise InvalidInput(f"commanded: found {given.shape[1]} columns, expected (x, y, z) or a six-vector")
         rows = len(given)
@@ -167,6 +184,7 @@ class Measurements:
             frequencies=None if frequencies is None else _gappy("frequencies", frequencies, (rows, None)),
             masses=None if masses is None else _gappy("masses", masses, (rows,)),
             wrenches=None if wrenches is None else checked_array("wrenches", wrenches, (rows, 6)),
+            lengths=read,
         )
         made._check()
         return made.with_errors(errors or {})
@@ -175,8 +193,8 @@ class Measurements:
         """The same measurements with standard errors by kind, where none were stated.
 
         Args:
-            errors: by "position", "rotation", "tension", "swivel", "frequency" or "rest_length": a number, or an array
-                that broadcasts to (rows, numbers of that kind).
+            errors: by "position", "rotation", "tension", "swivel", "frequency", "length" or "rest_length": a number, or
+                an array that broadcasts to (rows, numbers of that kind).
 
         Returns:
             Measurements with ``stated_errors`` and ``rest_length_errors``.
@@ -259,7 +277,7 @@ class Measurements:
 
     @property
     def _further(self) -> tuple[Float[np.ndarray, "rows numbers"] | None, ...]:
-        return self.tensions, self.swivels, self.frequencies
+        return self.tensions, self.swivels, self.frequencies, self.lengths
 
     @property
     def inputs(self) -> tuple[np.ndarray | None, ...]:
@@ -291,6 +309,17 @@ class Measurements:
             found = getattr(self, name)
             if found is not None and (found <= 0).any():
                 raise InvalidInput(f"{self.source}: {name}: found {np.nanmin(found):g}, expected positive numbers")
+        beside = {
+            "measured poses": self.measured, "rest lengths": self.rest_lengths, "swivel angles": self.swivels,
+            "natural frequencies": self.frequencies,
+        }  # fmt: skip
+        if self.lengths is not None:
+            for name, found in beside.items():
+                if found is not None and not np.isnan(found).all():
+                    raise InvalidInput(
+                        f"{self.source}: found {name} beside lengths at unknown poses, expected only tensions, masses "
+                        "and wrenches; where poses are known, lengths are rest lengths"
+                    )
 
     def check_robot(self, robot: Robot) -> None:
         """Check that these can be measurements of ``robot``.
@@ -301,7 +330,10 @@ class Measurements:
         refuse_unless(Robot, robot=robot)
         if self.robot is not None and self.robot != robot.name:
             raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected those of {robot.name!r}")
-        named = ((self.rest_lengths, "rest lengths"), (self.tensions, "tensions"), (self.swivels, "swivel angles"))
+        named = (
+            (self.rest_lengths, "rest lengths"), (self.tensions, "tensions"), (self.swivels, "swivel angles"),
+            (self.lengths, "lengths"),
+        )  # fmt: skip
         for numbers, name in named:
             if numbers is not None and numbers.shape[1] != robot.cables:
                 raise InvalidInput(
@@ -327,7 +359,7 @@ class Measurements:
             )
         if robot.mobility == "planar":
             out = [name for i, name in enumerate(COORDINATES) if i in (1, 3, 5) and self.known[:, i].any()]
-            if out or self.commanded[:, [1, 3, 5]].any():
+            if out or np.nan_to_num(self.commanded[:, [1, 3, 5]]).any():
                 found = f"measured {', '.join(out)}" if out else "a commanded pose out of the x-z plane"
                 raise InvalidInput(
                     f"{self.source}: found {found}, but {robot.name!r} is planar: expected only x, z and beta"
@@ -337,6 +369,24 @@ class Measurements:
         seen = [name for name, column in zip(self.names, self.values.T, strict=True) if not np.isnan(column).all()]
         of = f" of {self.robot!r}" if self.robot else ""
         return f"<Measurements{of}: {len(self.measured)} rows of {', '.join(seen)}>"
+
+
+def checked_lengths(lengths: np.ndarray, source: str) -> Float[np.ndarray, "rows cables"]:
+    """Lengths of all cables in each row, positive numbers.
+
+    Raises:
+        InvalidInput: others; the message names the row.
+    """
+    if lengths.ndim != 2 or not lengths.size:
+        raise InvalidInput(f"{source}: found lengths of shape {lengths.shape}, expected (rows, cables)")
+    wrong = ~(np.isfinite(lengths) & (lengths > 0))
+    if wrong.any():
+        row, cable = np.argwhere(wrong)[0]
+        raise InvalidInput(
+            f"{source}: row {row + 1}: found a length {cable + 1} of {lengths[row, cable]:g} m, expected a number "
+            "above 0"
+        )
+    return lengths
 
 
 def _gappy(name: str, given: ArrayLike, shape: tuple[int | None, ...]) -> np.ndarray:
@@ -380,7 +430,8 @@ def read_measurements(path: str | Path) -> Measurements:
         if names.count(name) > 1:
             raise InvalidInput(f"{path}: found column {name!r} twice, expected it once")
     values, robots = _values(path, columns, rows[1:], lines[1:])
-    for needed in ("commanded_x", "commanded_y", "commanded_z"):
+    alone = any(name.startswith("length_") for name in values)
+    for needed in () if alone else ("commanded_x", "commanded_y", "commanded_z"):
         if needed not in values:
             raise InvalidInput(f"{path}: found no column {needed!r}, expected one, as '{needed} [mm]'")
     count = len(rows) - 1
@@ -389,11 +440,16 @@ def read_measurements(path: str | Path) -> Measurements:
         return np.stack([values.get(name, np.full(count, missing)) for name in names], axis=1)
 
     numbered = {
-        kind: _numbered(path, kind, values, count) for kind in ("rest_length", "tension", "swivel", "frequency")
+        kind: _numbered(path, kind, values, count)
+        for kind in ("rest_length", "length", "tension", "swivel", "frequency")
     }
     wrenches = np.nan_to_num(stacked(WRENCH, 0.0))
     for name, column in [*values.items()]:
-        if name.startswith(("commanded_", "rest_length_")) and not name.endswith("_error") and np.isnan(column).any():
+        if (
+            name.startswith(("commanded_", "rest_length_", "length_"))
+            and not name.endswith("_error")
+            and np.isnan(column).any()
+        ):
             line = lines[1 + int(np.argmax(np.isnan(column)))]
             raise InvalidInput(f"{path}: line {line}, column {name!r}: found nothing, expected a number")
         if name.endswith("_error") and (column <= 0).any():
@@ -406,7 +462,7 @@ def read_measurements(path: str | Path) -> Measurements:
     if len(robots) > 1:
         raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected those of one robot")
     made = Measurements(
-        stacked((f"commanded_{name}" for name in COORDINATES), 0.0),
+        stacked((f"commanded_{name}" for name in COORDINATES), np.nan if alone else 0.0),
         stacked((f"measured_{name}" for name in COORDINATES), np.nan),
         numbered["rest_length"],
         next(iter(robots), None),
@@ -416,6 +472,7 @@ def read_measurements(path: str | Path) -> Measurements:
         frequencies=numbered["frequency"],
         masses=values.get("mass"),
         wrenches=wrenches if wrenches.any() else None,
+        lengths=None if numbered["length"] is None else checked_lengths(numbered["length"], str(path)),
     )
     made._check()
     if not any(name.endswith("_error") for name in values):
@@ -435,8 +492,8 @@ def _numbered(path: Path, kind: str, values: Mapping[str, np.ndarray], count: in
     found = sorted(number for of, number in numbered if of == kind)
     if not found:
         return None
-    if kind == "rest_length" and found != list(range(1, len(found) + 1)):
-        raise InvalidInput(f"{path}: found rest lengths {found}, expected 1 to the number of cables")
+    if kind in ("rest_length", "length") and found != list(range(1, len(found) + 1)):
+        raise InvalidInput(f"{path}: found {kind.replace('_', ' ')}s {found}, expected 1 to the number of cables")
     most = max(number for of, number in numbered if (of == "frequency") == (kind == "frequency"))
     unknown = np.full(count, np.nan)
     return np.stack([values.get(f"{kind}_{number}", unknown) for number in range(1, most + 1)], axis=1)
@@ -451,7 +508,7 @@ def _column(path: Path, cell: str) -> tuple[str, float]:
     units = next((units for pattern, units in _COLUMNS.items() if re.fullmatch(pattern, name)), None)
     if not found or units is None:
         known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES]
-        known += ["rest_length_1", "tension_1", "swivel_1", "frequency_1", "mass", *WRENCH, "robot"]
+        known += ["rest_length_1", "length_1", "tension_1", "swivel_1", "frequency_1", "mass", *WRENCH, "robot"]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InvalidInput(f"{path}: unknown column {cell.strip()!r}: {hint}known: {', '.join(known)}")

@@ -172,7 +172,13 @@ def _error(name: str, of: str) -> Any:
 
 def identify(
     robot: RobotName,
-    file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")
+    ] = None,
+    lengths: Annotated[
+        Path | None,
+        typer.Option("--lengths", metavar="CSV", help="Lengths at poses that nobody measured: length_1 [mm], ..."),
+    ] = None,
     unknown: Annotated[
         list[str] | None,
         typer.Option("--unknown", help="axial_stiffness (default), mass, force_gains, ...; repeatable."),
@@ -185,6 +191,11 @@ def identify(
     swivel_error: Annotated[float | None, _error("--swivel-error", "a measured swivel angle [°]")] = None,
     frequency_error: Annotated[float | None, _error("--frequency-error", "a measured natural frequency [Hz]")] = None,
     rest_length_error: Annotated[float | None, _error("--rest-length-error", "a rest length [mm]")] = None,
+    length_error: Annotated[float | None, _error("--length-error", "a length at an unknown pose [mm]")] = None,
+    gauge: Annotated[
+        list[str] | None,
+        typer.Option("--gauge", help='Held coordinate of an unknown exit, "exit 3 x"; repeatable; with --lengths.'),
+    ] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Count outliers less, by Huber's weights.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -195,12 +206,20 @@ def identify(
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
     so on; tension_1 [N], swivel_1 [deg], frequency_1 [Hz], ...; rest_length_1 [mm], ...; mass [kg], force_z [N], ...;
     tension_1_error [N], ...; robot.
+
+    With --lengths, poses are unknown: length_1 [mm], ... of all cables, and tension_3 [N], ... of those that were
+    pulled tight.
     """
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
     machine = robot_of(robot, material, pretension=pretension)
-    measurements = cdpr.read_measurements(file)
+    if (file is None) == (lengths is None):
+        found = "neither" if file is None else "both"
+        raise cdpr.InvalidInput(f"MEASUREMENTS: found {found} of a file and --lengths, expected one of the two")
+    measurements = cdpr.read_measurements(file or lengths or "")
+    if lengths is not None and measurements.lengths is None:
+        raise cdpr.InvalidInput(f"{lengths}: found no column length_1, expected lengths of all cables")
     with busy("Fitting"):
         result = cdpr.identify(
             machine,
@@ -212,6 +231,8 @@ def identify(
             swivel_error=None if swivel_error is None else math.radians(swivel_error),
             frequency_error=frequency_error,
             rest_length_error=None if rest_length_error is None else 1e-3 * rest_length_error,
+            length_error=None if length_error is None else 1e-3 * length_error,
+            gauge=gauge or None,
             robust=robust,
         )
     if as_json:

@@ -39,9 +39,11 @@ def implausibilities(
     cabling: Cabling,
     mass: float,
     weight: float,
+    center_of_mass: Float[np.ndarray, "3"],
     platform_size: Float[np.ndarray, "3"],
     frame: Float[np.ndarray, "2 3"],
     workspace: Float[np.ndarray, "2 3"],
+    planar: bool,
 ) -> Iterator[str]:
     """A sentence for each implausible property: the value found, and the value expected of most robots."""
     diagonal = math.dist(*frame)
@@ -66,7 +68,8 @@ def implausibilities(
     strain = weight / float(cabling.pulls(cabling.axial_stiffness).sum())
     if strain > MOST_STRAIN:
         yield f"found cables that stretch by {strain:.0%} or more under a weight of {weight:.4g} N"
-    if len(cabling) > 1 and not np.ptp(cabling.anchors, axis=0).any():
+    below = weight > 0 and center_of_mass[2] < cabling.anchors[0, 2]
+    if len(cabling) > 1 and not np.ptp(cabling.anchors, axis=0).any() and not (planar and below):
         yield "found all anchors in one point, about which the platform swings freely"
 
 

@@ -351,7 +351,14 @@ class Robot(Cables, HtmlRepr):
         return tuple(
             f"{self.name}: {sentence}"
             for sentence in implausibilities(
-                self.cabling, self.mass, self.weight, self.platform_size, self.frame, self.workspace
+                self.cabling,
+                self.mass,
+                self.weight,
+                self.center_of_mass,
+                self.platform_size,
+                self.frame,
+                self.workspace,
+                self.mobility == "planar",
             )
         )
 

@@ -191,7 +191,7 @@ def equilibria_note(found: Equilibria) -> str:
 
 _SHOWN = {
     "position": (1e3, " mm"), "rotation": (180 / np.pi, "°"), "tension": (1.0, " N"), "swivel": (180 / np.pi, "°"),
-    "frequency": (1.0, " Hz"),
+    "frequency": (1.0, " Hz"), "length": (1e3, " mm"),
 }  # fmt: skip
 """Factor and unit in which each kind of measured number is shown."""
 
@@ -237,6 +237,8 @@ def identification_note(result: Identification) -> str:
         head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
     if not np.isnan(result.deviance):
         head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
+    if result.gauge:
+        head += f"\nHeld as given, since lengths do not tell where the frame stands: {_joined([*result.gauge])}."
     outliers = [f"[yellow]-[/] outlier: {escape(str(one))}" for one in result.outliers]
     return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons), *outliers])
 
