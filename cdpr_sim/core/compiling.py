@@ -62,11 +62,11 @@ ROWS = 160
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py",
-    "core/locks.py", "core/property.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/contraction_kernel.py",
-    "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py", "proof/search_kernel.py",
-    "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py", "statics/catenary.py",
-    "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py", "statics/newton_kernel.py",
-    "statics/roots_kernel.py", "statics/stiffness_kernel.py",
+    "core/locks.py", "core/property.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py",
+    "proof/contraction_kernel.py", "proof/geometry_kernel.py", "proof/interval_kernel.py", "proof/krawczyk_kernel.py",
+    "proof/search_kernel.py", "statics/any_cable.py", "statics/balance_kernel.py", "statics/cable_kernel.py",
+    "statics/catenary.py", "statics/gufuncs.py", "statics/matrix_kernel.py", "statics/memory_kernel.py",
+    "statics/newton_kernel.py", "statics/roots_kernel.py", "statics/stiffness_kernel.py",
 )  # fmt: skip
 """Modules that are compiled, and all that they import from this package; a test checks that the list is complete."""
 
