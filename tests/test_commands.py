@@ -456,6 +456,8 @@ REACHED = [  # a command with its options, what is called, and what that is give
      "--tension-error 4 --swivel-error 5 --frequency-error 6 --rest-length-error 7 --robust", "identify",
      {2: ["mass"], "material": SOFT, "position_error": 0.003, "rotation_error": math.radians(2), "tension_error": 4,
       "swivel_error": math.radians(5), "frequency_error": 6, "rest_length_error": 0.007, "robust": True}),
+    ("identify maslow-4 --lengths belts.csv --length-error 3 --gauge 'exit 3 x' --unknown exits", "identify",
+     {2: ["exits"], "length_error": 0.003, "gauge": ["exit 3 x"]}),
     (f"design parallel {SEARCH} {POINTS} --objective mean_tilt --stiffness 0.5 --stiffness 2 --store there.npz",
      "find_layout", {"moves": MOVES, "symmetry": "none", "objective": "mean_tilt", "seed": 5, "generations": 7,
                      "material": SOFT, "points": THREE, "stiffness": [0.5, 2.0], "file": "there.npz"}),
@@ -508,6 +510,7 @@ def test_options_reach_what_they_are_for(words, function, expected, folder, monk
     """In the units of the package; positions among the arguments count from 0."""
     asked: dict = {}
     Path("old").mkdir()
+    Path("belts.csv").write_text("length_1 [mm],length_2 [mm],length_3 [mm],length_4 [mm]\n1500,1600,1700,1800\n")
     for name in ("a.png", "a.gif", "a.toml", "front.png", "robot-1.toml"):
         Path("old", name).write_text("old")
 
@@ -516,7 +519,7 @@ def test_options_reach_what_they_are_for(words, function, expected, folder, monk
         raise Asked("asked")
 
     monkeypatch.setattr(f"cdpr_sim.{function}", record)
-    told = run(*words.split())
+    told = run(*shlex.split(words))
     assert (told.exit_code, told.stderr.strip()) == (2, "cdpr-sim: asked")  # bars may end in an empty line
     found = {name: SEEN.get(name, lambda asked, name=name: asked[name])(asked) for name in expected}
     assert found == expected

@@ -22,7 +22,7 @@ from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, exact, middles
-from cdpr_sim.proof.cables import Cable
+from cdpr_sim.proof.cables import Cable, wheels
 from cdpr_sim.proof.certificate import Enclosure
 from cdpr_sim.report import proof_tables
 
@@ -552,7 +552,7 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
     axis = problem.robot.cabling.pulley_axis[0]
     with arithmetic():
         cable = Cable(problem, 0)
-        wheel = complete._wheels([cable])[0]
+        wheel = wheels([cable])[0]
     seen = np.zeros(4, int)
     for _ in range(500):
         x = 10 ** random.uniform(-9, 9)

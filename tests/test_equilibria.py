@@ -58,18 +58,19 @@ def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, nam
 
 def test_a_platform_that_is_let_go_meets_no_resistance_and_gravity_grows_evenly(catalogue, monkeypatch):
     """Neither air nor joints nor cables take energy out of its motion; all of gravity acts at the last step."""
-    given, step, robot = [], mujoco.mj_step, catalogue["cogiro"].replace(pulley_radius=0.01, pulley_axis=(0, 0, 1))
+    given, step, robot = [], mujoco.mj_step2, catalogue["cogiro"].replace(pulley_radius=0.01, pulley_axis=(0, 0, 1))
     monkeypatch.setattr(
-        mujoco, "mj_step", lambda model, *more, **named: (given.append(copy.copy(model)), step(model, *more, **named))
+        mujoco, "mj_step2", lambda model, *more, **named: (given.append(copy.copy(model)), step(model, *more, **named))
     )
     cdpr.release(cdpr.solve(robot, robot.home), seconds=0.1)
     assert given
     for model in given:
         assert model.opt.viscosity == model.opt.density == 0
-        assert not np.concatenate([model.dof_damping, model.tendon_damping, model.jnt_stiffness]).any()
+        platform = model.dof_damping[:6]  # wheels face their cables before each step, and do not turn in it
+        assert not np.concatenate([platform, model.tendon_damping, model.jnt_stiffness]).any()
     given.clear()
     cdpr.grow_gravity(robot, robot.home, seconds=0.2)
-    growing = [model.opt.gravity[2] for model in given]
+    growing = [model.opt.gravity[2] for model in given][1:]  # the first is computed before the motion
     assert len(growing) > 20
     assert growing == pytest.approx(-robot.gravity * np.arange(1, len(growing) + 1) / len(growing))
 

@@ -262,7 +262,7 @@ CALLS = [  # a call with a folder, the class of its error, and its sentence
      "crane_cables.xml: unknown set of cables 'x'…known: from_points, on_"),
     (lambda at: cdpr.import_robot(FILES / "crane.wcrfx", cables="x"), cdpr.RobotFileError, "only CASPR's files"),
     (lambda at: cdpr.import_robot(FILES.parents[1] / "models/irma4u/robot.xml"), cdpr.RobotFileError,
-     "expected two sites and no pulley"),
+     "expected a single rigid platform"),
     (lambda at: cdpr.import_robot(FILES.parents[1] / "models/fast-like/robot.xml"), cdpr.RobotFileError,
      "expected a single rigid platform"),
     (lambda at: Draft("table", EXITS + np.eye(4, 3) * 1e-6, ANCHORS, 2.0, plane="yz").robot(), cdpr.InvalidInput,

@@ -375,7 +375,7 @@ def _rough(
             cables = forces.geometry(robot, *trial)
         there = np.nan_to_num(cables.lengths - wanted, nan=1e3)
         cost = (there**2).sum(1)
-        good, by = cost <= best, np.swapaxes(-cables.wrench_matrix, 1, 2)[..., free] / robot.reeving[:, None] / units
+        good, by = cost <= best, np.swapaxes(-robot.cabling.tensions(cables.wrench_matrix), 1, 2)[..., free] / units
         positions = np.where(good[:, None], trial[0], positions)
         rotations = np.where(good[:, None, None], trial[1], rotations)
         best, off = np.where(good, cost, best), np.where(good[:, None], there, off)

@@ -599,7 +599,8 @@ def hang(
             further = pulls[rows] + share * step[left]
             there = laid(further, rows)
             rise = there.energy - here.energy[rows]
-            equal = np.abs(rise) <= ROUNDED * np.abs(np.vecdot(further, spans[rows]))
+            terms = np.abs(there.energy) + np.abs(np.vecdot(further, spans[rows]))
+            equal = np.abs(rise) <= ROUNDED * terms
             lower = (rise < -CLOSER * share * fall[left]) | (equal & (there.gap <= here.gap[rows]))
             descends[left] = better = lower & there.regular
             pulls[rows[better]] = further[better]

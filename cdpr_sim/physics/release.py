@@ -155,6 +155,7 @@ def grow_gravity(
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
     seconds, robot = duration(seconds), problem.robot
+    robot.cabling.refuse_memory()
     light = _massless(problem)
     with quiet():
         motion = Motion(single(light, problem.pose), TIMESTEP, viscosity=settling_air(light)[1], theta=CALM)

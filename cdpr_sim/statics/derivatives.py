@@ -203,6 +203,12 @@ def _differences(state: State, name: str, kind: Step) -> Float[Array, "*batch ca
     scales = kind.scale(robot, strain, length)
     steps = STEP * scales.reshape(robot.cables, -1)
     forward = (value == 0) & kind.least
+    if batch and forward.any():  # of a cable without mass, the step depends on the strain of each state
+        found = np.empty((*state.pulls.shape, steps.shape[1]))
+        for row in np.ndindex(found.shape[: len(batch)]):
+            own = problem[row] if isinstance(problem, Problems) else problem
+            found[row] = _differences(forces.at(own, state.position[row], state.rotation[row]), name, kind)
+        return found
     found = np.zeros((*state.pulls.shape, steps.shape[1]))
     for number, step in enumerate(steps.T):
         for place in range(len(CENTRAL)):
