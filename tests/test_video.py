@@ -428,7 +428,7 @@ def test_a_frames_numbers_are_the_states(written):
     written.clear()
     a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, False])
     words, heights = [word.text for word in written], []
-    expected = {"tilt": ["26.0", " °"], "dev. xy": ["5.00", " mm"], "dev. -z": ["12.3", " mm"], "slack": ["1", " of 4"]}
+    expected = {"tilt": ["26.0", " °"], "dev. xy": ["5.00", " mm"], "down": ["12.3", " mm"], "slack": ["1", " of 4"]}
     for name, number in expected.items():
         place = words.index(name)
         assert words[place + 1 : place + 3] == number
