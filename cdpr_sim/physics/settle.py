@@ -88,7 +88,8 @@ def settle_trajectory(
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
-    ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium.
+    ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium. Where
+    cables have mass, the motion begins after time 0, at the equilibrium with massless cables.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.

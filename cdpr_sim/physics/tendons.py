@@ -23,9 +23,7 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -167,16 +165,3 @@ def energy(
 ) -> Float[np.ndarray, "*batch"]:
     """Energy of springs with MuJoCo's polynomial at these stretches [J]."""
     return stretches**2 * (stiffness / 2 + stretches * (square / 3 + cube / 4 * stretches))
-
-
-def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
-    """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
-    ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly
-    lengths = rest_lengths + pulleys.entries(cabling)
-    pulls = springs(cabling, cabling.axial_stiffness, rest_lengths)
-    bends = None if cabling.linear else polynomials(cabling, cabling.axial_stiffness, rest_lengths)
-    for step in range(len(lengths)):
-        ends[:], stiffnesses[:] = lengths[step], pulls[step]
-        if bends is not None:
-            further[:] = bends[step]
-        yield

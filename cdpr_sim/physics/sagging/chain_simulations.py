@@ -242,15 +242,6 @@ class ChainSimulations:
             tensions[:, cable] = self._along(self.all, self.first[cable]) / self.robot.reeving[cable]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
-    def wind(self, rest_lengths: Float[np.ndarray, "rows cables"]) -> None:
-        """Let cables out, in motion: all segments of a chain change alike, so that it stays divided as it is.
-
-        Exact in equilibrium. The masses slide along the material, which neglects the momentum of what is wound.
-        """
-        self.rest_lengths = rest_lengths
-        self.weights = self._weights()
-        self._let_out(self.all)
-
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
         beyond = self.rest_lengths - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
