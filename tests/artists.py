@@ -201,6 +201,9 @@ def _axes(ax: Axes) -> Iterator[str]:
     yield from map(_patch, ax.patches)
     yield from (_mesh(one, ax) if isinstance(one, QuadMesh) else _collection(one) for one in ax.collections)
     for image in ax.images:
+        if image.get_array().ndim == 3:  # a ray-cast picture, whose scene is reviewed in ``snapshots/film/``
+            yield f"picture of {' × '.join(map(str, image.get_array().shape))} over {numbers(image.get_extent())}"
+            continue
         limits = f"{numbers(image.get_extent())} {image.origin} {image.get_cmap().name} {numbers(image.get_clim())}"
         yield f"image {limits}: {numbers(image.get_array())}"
     labels = [text for one in ax.collections for text in getattr(one, "labelTexts", ())]

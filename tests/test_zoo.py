@@ -1,14 +1,19 @@
 """The zoo: every robot file there is, solved, settled and compared; what follows from the folder follows."""
 
+import itertools
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 from inputs import run
 from matplotlib import image
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing import still, style
 from cdpr_sim.drawing.still import stamp_of
+from cdpr_sim.drawing.video import raycast, scene
 from check_zoo import PRETENSION_STRAIN, check_robot
 
 MODELS = Path(__file__).parents[1] / "models"
@@ -76,6 +81,44 @@ def test_every_model_has_its_picture():
     assert max(picture.stat().st_size for picture in pictures) < 100_000
     assert (image.imread(MODELS / "robots.png")[..., :3].min(-1) < 0.9).mean() > 0.02
     assert run("models", "ipanema-1", "--winches", "-o", str(MODELS), "--check").exit_code == 0
+
+
+def overlapping(name: str) -> int:
+    """Pairs of numbers in the picture of a robot that overlap, with the letters' true size."""
+    figure = cdpr.draw(cdpr.load_robot(name))
+    figure.set_dpi(style.PNG_DPI)
+    renderer, pairs = FigureCanvasAgg(figure).get_renderer(), []
+    for ax in figure.axes:
+        boxes = [text.get_window_extent(renderer) for text in ax.texts if text.get_text()[:1].isdigit()]
+        assert len(boxes) >= 3
+        pairs += itertools.combinations(boxes, 2)
+    return sum(one.padded(-1).overlaps(other.padded(-1)) for one, other in pairs)
+
+
+def test_numbers_of_cables_do_not_overlap(monkeypatch):
+    """Exits of these robots are close to each other in the picture, or the same; control: letters without a size."""
+    crowded = ["acrobot", "cogiro-crane-built", "falcon-7", "parallel", "segesta"]
+    assert {name: overlapping(name) for name in crowded} == dict.fromkeys(crowded, 0)
+    monkeypatch.setattr(still, "LETTER", 0.0)
+    monkeypatch.setattr(still, "LINE", 0.0)
+    assert sum(map(overlapping, crowded)) > 0
+
+
+def test_a_still_shows_points_where_its_camera_sees_them():
+    """Pixels that change without the platform lie around its projected middle, and not around that of a higher one."""
+    robot = cdpr.load_robot("ipanema-2")
+    stage = still._stage(robot, robot.pose(robot.home))
+    camera, pictures = stage.whole(1.5), []
+    for opaque in (1.0, 0.0):
+        stage.model.geom("platform").rgba[3] = opaque
+        stage.set(0)
+        with closing(raycast.RayCaster(stage.model)) as caster:
+            pictures.append(caster.start(stage.look(camera), 300, 200)().astype(int))
+    rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).max(-1) > 20)
+    middle = np.array([columns.mean() - 149.5, 99.5 - rows.mean()]) / 100
+    at, higher = scene.seen(camera, robot.home + np.array([[0, 0, 0], [0, 0, 0.5]]))
+    assert np.abs(middle - at).max() < 0.03
+    assert np.abs(middle - higher).max() > 0.1
 
 
 def test_a_page_shows_all_robots(tmp_path):

@@ -73,12 +73,12 @@ class Objective:
         """Copy objectives of the table by name, since most of their functions cannot be pickled."""
         return (Objective.of, (self.name,)) if OBJECTIVES.get(self.name) is self else super().__reduce__()
 
-    def shown(self, value: float) -> str:
+    def shown(self, value: float, digits: int = 4) -> str:
         """The value with its unit; nan means that there is no equilibrium at some pose."""
         if np.isnan(value):
             return "no equilibrium at some pose"
         value = 0.0 if abs(value) < LEAST * self.size else value
-        return f"{value / self.size:.4g}{'' if self.unit in ('°', '') else ' '}{self.unit}"
+        return f"{value / self.size:.{digits}g}{'' if self.unit in ('°', '') else ' '}{self.unit}"
 
     def better(self, a: float, b: float) -> bool:
         """Whether ``a`` is better than ``b`` by more than rounding; any number is better than nan, no equilibrium."""

@@ -108,26 +108,24 @@ def plot(ax: Axes, points: Float[np.ndarray, "points 3"], **looks) -> None:
     ax.plot(*(points.T if isinstance(ax, Axes3D) else points[:, [0, 2]].T), **looks)
 
 
-def draw_frame(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
+def draw_frame(ax: Axes, robot: Robot) -> None:
     """Draw the frame and the exits, to scale [m], with labelled axes."""
     if isinstance(ax, Axes3D):
-        _draw_frame_in_space(ax, robot, exits)
+        _draw_frame_in_space(ax, robot)
         return
     (left, _, bottom), (right, _, top) = robot.frame
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=style.FAINT, lw=style.THIN))
-    if exits:
-        ax.plot(*robot.exits[:, [0, 2]].T, "o", ms=3.5, color=style.INK, zorder=5, clip_on=False)
+    ax.plot(*robot.exits[:, [0, 2]].T, "o", ms=3.5, color=style.INK, zorder=5, clip_on=False)
     ax.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     ax.set_xlim(left - 0.02, right + 0.02)
     ax.set_ylim(bottom - 0.02, top + 0.02)
     ax.spines[:].set_visible(False)
 
 
-def _draw_frame_in_space(ax: Axes3D, robot: Robot, exits: bool) -> None:
+def _draw_frame_in_space(ax: Axes3D, robot: Robot) -> None:
     lower, upper = robot.frame
     ax.add_collection3d(Line3DCollection(_edges(_corners(lower, upper)), colors=style.FAINT, lw=style.THIN))
-    if exits:
-        ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
+    ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
     ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_xlim(lower[0], upper[0])
     ax.set_ylim(lower[1], upper[1])

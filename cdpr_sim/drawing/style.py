@@ -165,6 +165,12 @@ AZIMUTH, ELEVATION, FIELD_OF_VIEW, FILL = 102.0, -12.0, 22.0, 0.94
 CLOSE_UP = 2.3
 """Height of the close-up, in diagonals of the platform."""
 
+STILL_PLATFORM_ALPHA = 0.45
+"""Of the platform in the close-up of a still, which shows all anchors."""
+
+STILL_THICKEST = 0.03
+"""Largest radius of cables and anchors in the close-up, in diagonals of the platform."""
+
 SUPERSAMPLING = 2
 """Rays or fragments per pixel and axis. MuJoCo's own multisampling and shadows cost software OpenGL much more."""
 

@@ -47,6 +47,10 @@ MOST_DEGREES = 45.0
 """Upper end of the tilt scale [°]."""
 
 
+DIGITS = 3
+"""Of numbers in the picture."""
+
+
 def numbers(validation: LayoutValidation) -> list[tuple[str, str, str]]:
     """(label, before, after) as text: in MuJoCo, at the poses of the optimisation and midway between them."""
     of, distance = validation.layout.objective, validation.layout.largest_displacement
@@ -58,7 +62,7 @@ def numbers(validation: LayoutValidation) -> list[tuple[str, str, str]]:
         tilts, deviations = np.degrees(_tilt(side)), 1e3 * _deviation(side)
         note = (lambda name: "") if side is validation.before else (lambda name: worse.get(name, ""))
         return [
-            of.shown(side.score),
+            of.shown(side.score, DIGITS),
             f"{_short(np.nanmax(tilts))}°, {_short(np.nanmean(tilts))}°{note('worst tilt')}",
             f"{_short(np.nanmax(deviations))} mm, {_short(np.nanmean(deviations))} mm{note('worst deviation')}",
             f"{side.settled.slack[side.settled.converged].sum(-1).max(initial=0)}{note('most slack cables')}",
@@ -75,8 +79,8 @@ def numbers(validation: LayoutValidation) -> list[tuple[str, str, str]]:
 
 
 def _short(number: float) -> str:
-    """Three digits; what is rounding is 0."""
-    return f"{round(float(number), 6):.3g}"
+    """With few digits; what is rounding is 0."""
+    return f"{round(float(number), 6):.{DIGITS}g}"
 
 
 def _tilt(side: ValidatedRobot) -> np.ndarray:
@@ -151,7 +155,7 @@ def picture(validation: LayoutValidation) -> Figure:
     values = np.nan_to_num(maps)
     most = min(float(values.max()), MOST_DEGREES if goal.unit == "°" else np.inf)
     least = min(0.0, float(values.min()))
-    before, after = (found.objective.shown(side.score) for side in sides)
+    before, after = (found.objective.shown(side.score, DIGITS) for side in sides)
     title = f"{found.given.name}: {found.objective.name} {before} → {after}"
     figure = canvas(style.WIDTH, 8.0, title, _caption(validation, goal, at))
     on_platform = [one for one in moved if one[-1]]

@@ -1,4 +1,4 @@
-"""Scene of a robot's video, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
+"""Scene of a robot's video or still, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
 
 It shows the platform in MuJoCo; a translucent platform at the commanded pose; the outline of the static solver's pose;
 cables coloured by tension, slack ones as chains, those over pulleys on their wheels; the commanded path and the trail
@@ -22,6 +22,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.memory import without_memory
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
@@ -51,6 +52,8 @@ class Stage:
         largest_tension: [N] the dark end of the tension scale.
         exaggeration: factor by which deviations from the commanded pose, translations and rotations, are drawn larger.
         shapes: profiles of the cables in each state, (steps, cables, points, 3) [m]; required for cables with mass.
+        colors: of the cables, (cables, 3), in place of those of their tensions, for a still: no cable is drawn slack,
+            and no second platform at the commanded pose.
 
     Raises:
         InvalidInput: cables with mass without ``shapes``; or ``shapes`` of the wrong size.
@@ -64,6 +67,7 @@ class Stage:
         largest_tension: float,
         exaggeration: float = 1.0,
         shapes: Float[np.ndarray, "steps cables points 3"] | None = None,
+        colors: Float[np.ndarray, "cables 3"] | None = None,
     ) -> None:
         self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
         robot = self.robot = trajectory.robot
@@ -84,7 +88,7 @@ class Stage:
         self._reach = _box_around(self.poses, robot.platform_size)
         floor = self.model.geom("floor").pos
         floor[2] = min(floor[2], self._reach[0, 2])  # else a platform below the floor would be hidden
-        self._slack = trajectory.slack
+        self._colors, self._slack = colors, trajectory.slack & (colors is None)
         self._way, self._trail = trajectory.commanded.translation, self.poses.translation
         self._any_camera = self.whole(1.5)
         self._look_at(0)
@@ -140,7 +144,10 @@ class Stage:
     def _set_cables(self, step: int) -> None:
         model = self.model
         model.tendon_rgba[:, 3] = 1
-        model.tendon_rgba[:, :3] = tension_colors(self.trajectory.tensions[step], self.largest_tension)
+        tensions = self.trajectory.tensions[step]
+        model.tendon_rgba[:, :3] = (
+            tension_colors(tensions, self.largest_tension) if self._colors is None else self._colors
+        )
         model.tendon_rgba[self._slack[step], :3] = style.SLACK_COLOR
         model.tendon_lengthspring[:] = 0
 
@@ -186,7 +193,8 @@ class Stage:
         commanded, pose = self._commanded, self._pose
         box, shape = self.robot.platform_size / 2, mujoco.mjtGeom.mjGEOM_BOX
         matrix, color = commanded.rotation.as_matrix().ravel(), (*style.COMMANDED_COLOR, style.GHOST_ALPHA)
-        self._geom(shape, style.GHOST_SIZE * box, commanded.translation, matrix, color)
+        if self._colors is None:
+            self._geom(shape, style.GHOST_SIZE * box, commanded.translation, matrix, color)
         # A dark patch on the floor under the platform indicates its position and height.
         floor = self.data.geom("floor").xpos[2]
         x, y, _ = pose.translation
@@ -215,6 +223,12 @@ class Stage:
         geom.objtype = mujoco.mjtObj.mjOBJ_UNKNOWN  # mjv_initGeom leaves there what memory holds
         self.scene.ngeom += 1
         return geom
+
+
+def seen(camera: mujoco.MjvCamera, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 2"]:
+    """Where ``camera`` sees points [m]: to the right of the picture's middle and up, in halves of its height."""
+    at = (points - camera.lookat) @ _camera_axes().T
+    return at[:, :2] / (camera.distance - at[:, 2:]) / np.tan(np.radians(style.FIELD_OF_VIEW) / 2)
 
 
 def _fitting(
@@ -267,9 +281,8 @@ def _tension_map() -> Colormap:
 
 def _model(robot: Robot, pose: RigidTransform) -> mujoco.MjModel:
     """The scene of ``models/``, with round shapes and chains coarse enough for software OpenGL."""
-    model = mujoco.MjModel.from_xml_string(
-        scene_mjcf(robot), assets={"robot.xml": to_mjcf(without_memory(robot), pose).encode("utf-8")}
-    )
+    drawn = Problem.of(without_memory(robot), pose, robot.rest_lengths(pose))  # given, also of one that falls
+    model = mujoco.MjModel.from_xml_string(scene_mjcf(robot), assets={"robot.xml": to_mjcf(drawn).encode("utf-8")})
     quality = model.vis.quality
     quality.numslices, quality.numstacks, quality.numquads = style.SLICES, style.STACKS, style.QUADS
     quality.offsamples = 0
