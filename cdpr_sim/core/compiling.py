@@ -58,7 +58,7 @@ STRIDE = 1016
 lines. A constant, so that the compiler knows that rows do not overlap: then it computes two to eight cables at once."""
 
 ROWS = 160
-"""Rows of a scratch array; ``cable_kernel`` says what they are."""
+"""Rows of a scratch array; ``cable_kernel`` and ``newton_kernel.memory`` say what they are."""
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py",
@@ -105,6 +105,41 @@ inline = for_kernels(forceinline=True)
 
 outlined = for_kernels(forceinline=False)
 """The same for longer functions, which are compiled once and not into each of their callers."""
+
+
+def lent(arrays):
+    """The same arrays, in tuples or alone, for kernels, which do not count who uses them: their caller owns them.
+
+    Numba counts the users of each array by an atomic instruction at each call that gets it and at each assignment; in
+    functions that compute for a few nanoseconds, that takes two thirds of the time. An array that a kernel makes itself
+    must not be lent, since Numba frees it after its last counted use.
+    """
+    return arrays
+
+
+def _compile_lent() -> None:
+    from numba import types
+    from numba.extending import intrinsic, overload
+
+    def uncounted(context, builder, kind, value):
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = array.meminfo.type(None)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            for i, one in enumerate(kind.types):
+                part = uncounted(context, builder, one, builder.extract_value(value, i))
+                value = builder.insert_value(value, part, i)
+        return value
+
+    @intrinsic
+    def lend(_, arrays):
+        return arrays(arrays), lambda context, builder, _, values: uncounted(context, builder, arrays, values[0])
+
+    overload(lent, strict=False)(lambda arrays: lambda arrays: lend(arrays))
+
+
+_called_by_kernels.append(_compile_lent)
 
 
 def of_one_number(function: Callable) -> Callable:

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import WEIGHT
-from cdpr_sim.core.compiling import STRIDE, inline, outlined
+from cdpr_sim.core.compiling import STRIDE, inline, lent, outlined
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import L0, PREDICTED, PULL, SAGGING, STIFF, TAU, TAUT, WEIGHTS, E, J, K, L, Q
@@ -152,8 +152,9 @@ def solve_all(
     position, rotation, lengths, tensions, residual, iterations, status,
 ):  # fmt: skip
     """Equilibria of (rows, columns) of problems, one after another; the arguments are those of ``gufuncs``."""
-    rows, columns, _ = rest_lengths.shape
-    d, here, trial, model = memory(scratch)
+    rows, columns, m = rest_lengths.shape
+    d, here, trial, model, _ = memory(scratch)
+    w, x = model.w, model.x
     kind, one_robot = ck.PLAIN, table.strides[0] == 0 and table.strides[1] == 0
     for i in range(rows):
         for j in range(columns):
@@ -163,95 +164,83 @@ def solve_all(
             copy_pose(start_position[i, j], start_rotation[i, j], position[i, j], rotation[i, j])
             iterations[i, j] = 0
             for stage in range(1 + heavy):
-                case = Case(
+                case = lent(Case(
                     d, table[i, j], SAGGING if stage == 1 else kind, weight[i, j], center_of_mass[i, j], wrench[i, j],
                     free, scale[i, j],
-                )  # fmt: skip
-                residual[i, j], steps, status[i, j] = _descend(
-                    case, here, trial, model, position[i, j], rotation[i, j], lengths[i, j], tensions[i, j]
-                )
-                iterations[i, j] += steps
-
-
-@inline
-def _descend(case, here, trial, model, position, rotation, lengths, tensions):
-    """The equilibrium from the start ``position``, ``rotation``, in whose place it is written.
-
-    Returns:
-        Largest unbalanced force, number of iterations, status.
-    """
-    w, x, m = model.w, model.x, len(lengths)
-    copy_pose(position, rotation, here.p, here.R)
-    V = measure(case, here)
-    scales = scales_of(case, here)
-    first_tensions(case, here, scales.load, w)
-    unbalanced, most, ended = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
-    if not math.isfinite(V + scales.force):
-        most, ended = 0, _NOT_FINITE
-    steps, shift, certified = most, 0.0, False
-    least_reach = LEAST_REACH * ck.mean(case.d, L0, m)
-    for iteration in range(most):
-        unbalanced = fill_slopes(case, here, model)
-        balanced = unbalanced <= scales.force
-        if balanced and certified:
-            steps, ended = iteration, _CONVERGED
-            break
-        if balanced:
-            spring_tensions(here, m, w)
-        fill_curvature(case, here, model)
-        if balanced:
-            lower = np.nan if is_minimum(case, here, model) else _leave_saddle(case, here, model, V, trial)
-            if lower != lower:
-                steps, ended = iteration, _CONVERGED
-                break
-            here, trial, V, shift = trial, here, lower, 0.0
-            spring_tensions(here, m, w)
-            continue
-        accepted, decrease, fall, V_trial = False, 0.0, 0.0, V
-        longest = MAX_TRANSLATION * max(ck.mean(here.s, L, m), least_reach)
-        for _ in range(MAX_TRIALS):
-            decrease = -np.inf
-            if _model_minimum(here, model, shift, m):
-                shorten(x, longest, MAX_ROTATION * case.scale)
-                decrease = model_decrease(case, here, model)
-            # A step that changes the energy by no more than its rounding is judged by the forces, in the next
-            # iteration.
-            rounding = abs(decrease) <= energy_noise(case, here, scales, V)
-            if decrease > 0 or rounding:
-                for attempt in range(MAX_RETRACTIONS + 1):
-                    work = move(case, here, x, trial)
-                    V_trial = measure(case, trial)
-                    fall = V - (V_trial - work)
-                    if rounding or fall >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
+                ))  # fmt: skip
+                copy_pose(position[i, j], rotation[i, j], here.p, here.R)
+                V = measure(case, here)
+                scales = scales_of(case, here)
+                first_tensions(case, here, scales.load, w)
+                unbalanced, most, ended = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
+                if not math.isfinite(V + scales.force):
+                    most, ended = 0, _NOT_FINITE
+                steps, shift, certified = most, 0.0, False
+                least_reach = LEAST_REACH * ck.mean(case.d, L0, m)
+                for iteration in range(most):
+                    unbalanced = fill_slopes(case, here, model)
+                    balanced = unbalanced <= scales.force
+                    if balanced and certified:
+                        steps, ended = iteration, _CONVERGED
                         break
-                    _retract(case, trial, model)
-                if fall >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
-                    accepted = True
-                    break
-            shift = larger_shift(shift, scales)
-            for i in range(m):
-                w[TAUT + i] = 1.0 if w[TAU + i] > 0 else 0.0
-        if not accepted:
-            steps, ended = iteration, _STALLED
-            break
-        # Where forces balance next, the model of this step had a minimum with the cables that are actually taut.
-        as_predicted = keep_predictions(here, trial, m, w)
-        certified = as_predicted and shift == 0.0 and case.kind != SAGGING
-        if fall > TRUSTED * decrease:
-            shift = smaller_shift(shift, scales)
-        here, trial, V = trial, here, V_trial
-    rough = case.kind == SAGGING and unbalanced > POLISHED * scales.force
-    if ended == _CONVERGED and rough and is_minimum(case, here, model):
-        left = _polish(case, here, trial, model)
-        if left < unbalanced:
-            here, trial, unbalanced = trial, here, left
-            steps += 1
-    if not ck.on_wheels(case.kind, here.s, m):
-        ended = _OFF_WHEEL
-    copy_pose(here.p, here.R, position, rotation)
-    for i in range(m):
-        lengths[i], tensions[i] = here.s[L + i], ck.tension(case.kind, here.s, i)
-    return unbalanced, steps, ended
+                    if balanced:
+                        spring_tensions(here, m, w)
+                    fill_curvature(case, here, model)
+                    if balanced:
+                        lower = np.nan if is_minimum(case, here, model) else _leave_saddle(case, here, model, V, trial)
+                        if lower != lower:
+                            steps, ended = iteration, _CONVERGED
+                            break
+                        here, trial, V, shift = trial, here, lower, 0.0
+                        spring_tensions(here, m, w)
+                        continue
+                    accepted, decrease, fall, V_trial = False, 0.0, 0.0, V
+                    longest = MAX_TRANSLATION * max(ck.mean(here.s, L, m), least_reach)
+                    for _ in range(MAX_TRIALS):
+                        decrease = -np.inf
+                        if _model_minimum(here, model, shift, m):
+                            shorten(x, longest, MAX_ROTATION * case.scale)
+                            decrease = model_decrease(case, here, model)
+                        # A step that changes the energy by no more than its rounding is judged by the forces, in the
+                        # next iteration.
+                        rounding = abs(decrease) <= energy_noise(case, here, scales, V)
+                        if decrease > 0 or rounding:
+                            for attempt in range(MAX_RETRACTIONS + 1):
+                                work = move(case, here, x, trial)
+                                V_trial = measure(case, trial)
+                                fall = V - (V_trial - work)
+                                if rounding or fall >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
+                                    break
+                                _retract(case, trial, model)
+                            if fall >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
+                                accepted = True
+                                break
+                        shift = larger_shift(shift, scales)
+                        for k in range(m):
+                            w[TAUT + k] = 1.0 if w[TAU + k] > 0 else 0.0
+                    if not accepted:
+                        steps, ended = iteration, _STALLED
+                        break
+                    # Where forces balance next, the model of this step had a minimum with the cables that are actually
+                    # taut.
+                    as_predicted = keep_predictions(here, trial, m, w)
+                    certified = as_predicted and shift == 0.0 and case.kind != SAGGING
+                    if fall > TRUSTED * decrease:
+                        shift = smaller_shift(shift, scales)
+                    here, trial, V = trial, here, V_trial
+                rough = case.kind == SAGGING and unbalanced > POLISHED * scales.force
+                if ended == _CONVERGED and rough and is_minimum(case, here, model):
+                    left = _polish(case, here, trial, model)
+                    if left < unbalanced:
+                        here, trial, unbalanced = trial, here, left
+                        steps += 1
+                if not ck.on_wheels(case.kind, here.s, m):
+                    ended = _OFF_WHEEL
+                copy_pose(here.p, here.R, position[i, j], rotation[i, j])
+                for k in range(m):
+                    lengths[i, j, k], tensions[i, j, k] = here.s[L + k], ck.tension(case.kind, here.s, k)
+                residual[i, j], status[i, j] = unbalanced, ended
+                iterations[i, j] += steps
 
 
 @inline
@@ -267,17 +256,38 @@ def keep_predictions(here, trial, m, w):
 
 @inline
 def memory(scratch):
-    """Data of cables, two points and a model in a scratch array."""
-    states, model = ck.DATA_ROWS * STRIDE, (ck.DATA_ROWS + 2 * ck.STATE_ROWS) * STRIDE
+    """Data of cables, two points and a model in a scratch array; the number of the first row that is left."""
+    scratch = lent(scratch)
+    first, second, model = ck.DATA_ROWS, ck.DATA_ROWS + ck.STATE_ROWS, ck.DATA_ROWS + 2 * ck.STATE_ROWS
+    small = model + ck.MODEL_ROWS
     return (
-        scratch[:states],
-        Point(np.empty(3), np.empty((3, 3)), scratch[states : states + ck.STATE_ROWS * STRIDE]),
-        Point(np.empty(3), np.empty((3, 3)), scratch[states + ck.STATE_ROWS * STRIDE : model]),
+        rows_of(scratch, 0, first),
+        Point(vector(scratch, small, 0, 3), matrix(scratch, small, 3, 3), rows_of(scratch, first, second)),
+        Point(vector(scratch, small, 12, 3), matrix(scratch, small, 15, 3), rows_of(scratch, second, model)),
         Model(
-            scratch[model : model + ck.MODEL_ROWS * STRIDE], np.empty(6), np.empty((6, 6)), np.empty((6, 6)),
-            np.empty(6), np.empty(6),
+            rows_of(scratch, model, small), vector(scratch, small, 24, 6), matrix(scratch, small, 30, 6),
+            matrix(scratch, small, 66, 6), vector(scratch, small, 102, 6), vector(scratch, small, 108, 6),
         ),
+        small + 1,
     )  # fmt: skip
+
+
+@inline
+def rows_of(scratch, first, end):
+    """Rows of a scratch array."""
+    return scratch[first * STRIDE : end * STRIDE]
+
+
+@inline
+def vector(scratch, row, at, n):
+    """Memory of n numbers in a row of a scratch array."""
+    return scratch[row * STRIDE + at : row * STRIDE + at + n]
+
+
+@inline
+def matrix(scratch, row, at, n):
+    """Memory of n times n numbers in a row of a scratch array."""
+    return vector(scratch, row, at, n * n).reshape((n, n))
 
 
 @inline

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.compiling import inline
+from cdpr_sim.core.compiling import inline, lent
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import SAGGING, TAU, E, K
 from cdpr_sim.statics.matrix_kernel import Tridiagonal, eigenvalues_of, factorise
-from cdpr_sim.statics.newton_kernel import memory
+from cdpr_sim.statics.newton_kernel import matrix, memory, vector
 
 
 class ModesScratch(NamedTuple):
-    """Intermediate results of ``fill_modes``. K, M: (6, 6); S, A: (free, 6); d: eigenvalues (free)."""
+    """Intermediate results of ``fill_modes``. K, M, S, A: (6, 6); d: eigenvalues (free)."""
 
     K: np.ndarray
     M: np.ndarray
@@ -36,11 +36,15 @@ def modes_of_all(
     """Eigenvalues of the stiffness matrix and lowest natural frequency at (rows, columns) of poses."""
     rows, columns, m = rest_lengths.shape
     n = len(free)
-    d, here, _, model = memory(scratch)
+    d, here, _, model, row = memory(scratch)
+    scratch = lent(scratch)
     own = ModesScratch(
-        np.empty((6, 6)), np.empty((6, 6)), np.empty((n, 6)), np.empty((n, 6)), np.empty(n),
-        Tridiagonal(np.empty(n), np.empty(n), np.empty(n)),
+        matrix(scratch, row, 0, 6), matrix(scratch, row, 36, 6), matrix(scratch, row, 72, 6),
+        matrix(scratch, row, 108, 6), vector(scratch, row, 144, n),
+        Tridiagonal(vector(scratch, row, 150, n), vector(scratch, row, 156, n), vector(scratch, row, 162, n)),
     )  # fmt: skip
+    given = lent((table, rest_lengths, center_of_mass, inertia, free, position, rotation))
+    table, rest_lengths, center_of_mass, inertia, free, position, rotation = given
     for i in range(rows):
         for j in range(columns):
             kind = ck.load_table(d, table[i, j])
