@@ -118,10 +118,13 @@ def lent(arrays):
 
 
 def _compile_lent() -> None:
-    from numba import types
-    from numba.extending import intrinsic, overload
+    from numba import extending
+    from numba import types as all_types
 
-    def uncounted(context, builder, kind, value):
+    numbas: Any = extending
+    types: Any = all_types
+
+    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         if isinstance(kind, types.Array):
             array = context.make_array(kind)(context, builder, value)
             array.meminfo = array.meminfo.type(None)
@@ -132,11 +135,11 @@ def _compile_lent() -> None:
                 value = builder.insert_value(value, part, i)
         return value
 
-    @intrinsic
+    @numbas.intrinsic
     def lend(_, arrays):
         return arrays(arrays), lambda context, builder, _, values: uncounted(context, builder, arrays, values[0])
 
-    overload(lent, strict=False)(lambda arrays: lambda arrays: lend(arrays))
+    numbas.overload(lent, strict=False)(lambda arrays: lambda arrays: lend(arrays))
 
 
 _called_by_kernels.append(_compile_lent)
