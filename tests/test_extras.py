@@ -24,8 +24,8 @@ robot, pose = cdpr.load_robot("parallel"), (0.3, 0.25, 0.1)
 found = [cdpr.solve(robot, pose, method=method) for method in ("newton", "fsolve", "least_squares")]
 assert cdpr.compare(found[0], cdpr.settle(robot, pose)).agrees
 cdpr.solve_many(robot, [pose] * 80)
-robot._repr_html_()
 assert "numba" not in sys.modules
+robot._repr_html_()
 sys.argv = ["cdpr-sim", "settle", "parallel"]
 main()
 """
