@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -202,7 +203,19 @@ def test_kept_code_that_is_compiled_all_the_same_is_no_silent_wait(empty_cache, 
     caplog.clear()
     several_doubled()
     assert caplog.messages == []
-    monkeypatch.setattr(compiling, "LOADING", 0.0)
+    monkeypatch.setattr(compiling, "LOADING", 0.01)
+    numbas = numba.njit
+
+    def slow(**options):
+        def decorate(function):
+            code = numbas(**options)(function)
+            load = code.compile
+            code.compile = lambda signature: (time.sleep(1.0), load(signature))
+            return code
+
+        return decorate
+
+    monkeypatch.setattr(numba, "njit", slow)
     several_doubled()
     assert caplog.messages == ["cdpr_sim still loads its test, or compiles it anew: up to a minute"]
 

@@ -12,6 +12,7 @@ loaded, say from a truncated file, is removed and compiled anew; where none can 
 
 from __future__ import annotations
 
+import _thread
 import functools
 import hashlib
 import inspect
@@ -195,15 +196,14 @@ class Compiled:
             return self._function
         if self._compiled is None:
             import_numba()
-            holding(_threads, self._fetch)
+            _uninterrupted(functools.partial(holding, _threads, self._fetch))
         return self._compiled
 
     def _fetch(self) -> None:
         if self._compiled is not None:
             return
         while _called_by_kernels:
-            _called_by_kernels[-1]()  # removed only afterwards: Ctrl-C may interrupt between the two
-            _called_by_kernels.pop()
+            _called_by_kernels.pop()()
         home = place()
         kept = home and home / self.folder
         try:
@@ -410,6 +410,28 @@ def import_numba() -> None:
     finally:
         if shielded:
             sys.modules.pop("coverage", None)
+
+
+def _uninterrupted(function: Callable[[], None]) -> None:
+    """Call a function in a thread of its own and wait for it: Ctrl-C ends the wait alone, and the function goes on.
+
+    Numba that is interrupted while it loads its own functions has lost some of them for the rest of the process.
+    """
+    ended, errors = threading.Lock(), []
+    ended.acquire()
+
+    def run() -> None:
+        try:
+            function()
+        except BaseException as error:
+            errors.append(error)
+        finally:
+            ended.release()
+
+    _thread.start_new_thread(run, ())  # threading's threads are started and joined by code that Ctrl-C breaks
+    ended.acquire()
+    if errors:
+        raise errors[0]
 
 
 def _being_imported() -> bool:
