@@ -25,9 +25,10 @@ ITERATIONS = 100
 UNSOLVED = 1e6
 """Value assigned to a trial layout without an equilibrium: far worse than any other."""
 
-STEP = 1e-4
-"""Of central differences, as a share of a variable's range: they miss less than 1e-6 of a slope, by curvature and by
-rounding of equilibria (``test_design.py``)."""
+STEP, SMALLER = 1e-4, (1.0, 0.1, 0.01)
+"""Step of central differences, as a share of a variable's range: they miss less than 1e-6 of a slope, by curvature and
+by rounding of equilibria (``test_design.py``); and the fractions of it that are tried in turn, since a slope jumps where
+a cable becomes slack, and a search may end early there."""
 
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)
 """Fractions of the step that are tried, since a slope jumps where a cable becomes slack."""
@@ -40,8 +41,12 @@ def polished(
     objective: Objective,
     limits: Limits,
     reach: float,
+    smaller: float = 1.0,
 ) -> Float[np.ndarray, "candidates variables"]:
-    """Candidate layouts between ``start`` and the local optimum, the optimum first; the caller evaluates them."""
+    """Candidate layouts between ``start`` and the local optimum, the optimum first; the caller evaluates them.
+
+    Slopes are differences at the fraction ``smaller`` of ``STEP``.
+    """
     free, width = space.free, (space.upper - space.lower)[space.free]
 
     def values(shares: Float[np.ndarray, "layouts free"]) -> Float[np.ndarray, "layouts variables"]:
@@ -62,7 +67,7 @@ def polished(
         return np.nan_to_num(np.append(z[-1] - worst / scale, room), nan=-UNSOLVED)
 
     def slopes(z: np.ndarray) -> np.ndarray:
-        worst, room = slopes_of_margins(numbers, z[:-1])
+        worst, room = slopes_of_margins(numbers, z[:-1], smaller * STEP)
         by_bound = np.arange(len(worst) + len(room)) < len(worst)
         return np.column_stack([np.concatenate([-worst / scale, room]), by_bound])
 
@@ -108,13 +113,13 @@ def margins(
 
 
 def slopes_of_margins(
-    numbers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], at: Float[np.ndarray, " free"]
+    numbers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], at: Float[np.ndarray, " free"], step: float = STEP
 ) -> tuple[Float[np.ndarray, "numbers free"], Float[np.ndarray, "margins free"]]:
     """Central differences of ``margins`` by shares of the variables' ranges, one-sided at their ends.
 
     All of them are solved at once; 0 where a layout has no equilibrium.
     """
-    steps = STEP * np.eye(len(at))
+    steps = step * np.eye(len(at))
     up, down = (at + steps).clip(0, 1), (at - steps).clip(0, 1)
     apart = (up - down).sum(1)[:, None]
     both = numbers(np.concatenate([up, down]))

@@ -27,7 +27,7 @@ from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_lay
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import Limits, Objective
-from cdpr_sim.design.polish import polished
+from cdpr_sim.design.polish import SMALLER, polished
 
 LEG = 20
 """Generations per call to SciPy. The population is stored after each call, and each call has its own random numbers, so
@@ -37,6 +37,9 @@ GENERATIONS = 200
 POPULATION_PER_VARIABLE, LEAST_POPULATION = 10, 40
 SPREAD = 1e-8
 """Relative spread of the population's objectives at which it has converged."""
+
+ROUNDS, GAIN = 5, 1e-6
+"""Largest number of rounds of local refinement, and the relative gain that is worth another one."""
 
 CONSTRAINT_TOLERANCE = 1e-9
 """Allowed violation of a constraint, as a fraction of its limit: rounding, and the accuracy of the refinement."""
@@ -257,7 +260,7 @@ def find_layout(
         if polish and wanted.smooth and "Interrupted" not in message:
             say(f"{evaluator.describe_best()}; refining")
             try:
-                evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))
+                _refine(evaluator)
             except KeyboardInterrupt:
                 message += " The local refinement was interrupted."
     best = evaluator.best
@@ -357,6 +360,18 @@ def _evolve(
         if spread <= SPREAD * abs(float(np.mean(last))):
             return f"Converged after {len(history)} generations."
     return f"Stopped after {len(history)} generations, the given limit."
+
+
+def _refine(evaluator: LayoutEvaluator) -> None:
+    """Refine the best layout until a round of refinements, each from the result of the one before, gains nothing."""
+    one = evaluator
+    for _ in range(ROUNDS):
+        begun = one.energy
+        for smaller in SMALLER:
+            assert one.best is not None
+            one.energies(polished(one.best, one.space, one.cases, one.objective, one.limits, one.reach, smaller))
+        if not one.energy < begun - GAIN * abs(begun):
+            return
 
 
 def _why_none(evaluator: LayoutEvaluator) -> str:
