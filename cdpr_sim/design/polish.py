@@ -27,7 +27,7 @@ UNSOLVED = 1e6
 
 STEP, SMALLER = 1e-4, (1.0, 0.1, 0.01)
 """Step of central differences, as a share of a variable's range: they miss less than 1e-6 of a slope, by curvature and
-by rounding of equilibria (``test_design.py``); and the fractions of it that are tried in turn, since a slope jumps where
+by rounding of equilibria (``test_design.py``). And the fractions of it that are tried in turn: a slope jumps where
 a cable becomes slack, and a search may end early there."""
 
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)
