@@ -244,23 +244,6 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
     return handles
 
 
-# Along a line
-
-
-def draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int) -> list[Patch]:
-    """Shade zones (from, to, number of slack cables) along x; return a legend entry for each number."""
-    counts = sorted({slack for *_, slack in zones if slack})
-    looks = {}
-    for count in counts:
-        fill, hatch = style.ZONES[0] if count <= cables // 4 else style.ZONES[1]
-        looks[count] = {"fc": fill, "ec": style.ZONE_HATCH, "hatch": hatch, "lw": 0}
-    for start, end, slack in zones:
-        if slack:
-            span = ax.axvspan(start, end, zorder=0, **looks[slack])
-            span.set_gid(f"zone-{slack}-slack")
-    return [Patch(**look, label=f"{count} cable{'s' if count > 1 else ''} slack") for count, look in looks.items()]
-
-
 def points(color: str, marker: str = "o", **looks) -> dict:
     """Marker style of MuJoCo's points: hollow."""
     return {"ls": "none", "marker": marker, "mfc": "white", "mec": color, "mew": 1.1, "zorder": 6} | looks

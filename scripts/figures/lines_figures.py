@@ -231,7 +231,7 @@ def _tensions(ax: Axes, line: Line, zones_named: dict[str, Patch], *, last: bool
     """
     static, settled, robot = line.static, line.settled, line.robot
     commanded, middle = static.problems.positions[:, 0], robot.frame[:, 0].mean()
-    shaded = drawing.draw_zones(ax, zones(static), robot.cables)
+    shaded = _draw_zones(ax, zones(static), robot.cables)
     zones_named.update({str(patch.get_label()): patch for patch in shaded})
     used = {True: 0, False: 0}  # line styles, by side
     handles: list[Line2D] = []
@@ -276,3 +276,17 @@ def _headline(width: Width) -> str:
     tilts = f"up to {tilt:.2g}° of tilt" if tilt > NO_TILT else "no tilt"
     cables = f"up to {slack} of {robot.cables} cables slack" if slack else "no cable slack"
     return f"{robot.name}: {tilts}, and {cables}"
+
+
+def _draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int) -> list[Patch]:
+    """Shade zones (from, to, number of slack cables) along x; return a legend entry for each number."""
+    counts = sorted({slack for *_, slack in zones if slack})
+    looks = {}
+    for count in counts:
+        fill, hatch = style.ZONES[0] if count <= cables // 4 else style.ZONES[1]
+        looks[count] = {"fc": fill, "ec": style.ZONE_HATCH, "hatch": hatch, "lw": 0}
+    for start, end, slack in zones:
+        if slack:
+            span = ax.axvspan(start, end, zorder=0, **looks[slack])
+            span.set_gid(f"zone-{slack}-slack")
+    return [Patch(**look, label=f"{count} cable{'s' if count > 1 else ''} slack") for count, look in looks.items()]
