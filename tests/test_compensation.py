@@ -17,7 +17,7 @@ from cdpr_sim.core.pose import distance, moved
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis_tables import compensation_table, compensation_verdict
 from cdpr_sim.robots.robot_file_text import as_toml
-from cdpr_sim.statics import forces, two_cable_closed_form
+from cdpr_sim.statics import forces, newton, two_cable_closed_form
 from cdpr_sim.statics.derivatives import wrench_under_tensions
 from cdpr_sim.statics.given_tensions import cut
 
@@ -341,6 +341,17 @@ def test_a_compensation_that_is_not_reached_from_the_commanded_pose_is_told(monk
         [[-0.53, 0, 1], [-0.81, 0, 1], [-0.68, 0, 1]], [[-0.04, 0, -0.03], [0.03, 0, 0.18], [-0.09, 0, 0.08]], 53.3,
         1.0, stiffening=(-2, 5), mobility="planar", name="soft",
     )  # fmt: skip
+    # With the compensated lengths, one of which is 1.3 mm, rounding decides where the search from there ends.
+    rigid, solve = robot.rest_lengths((-1, 0, 0.9)), newton.solve
+    with pytest.raises(cdpr.NotConverged) as beyond:
+        solve(cdpr.Problem.of(robot, (-1, 0, 0.9)))
+
+    def ends_beyond(problem, *more, **options):
+        if np.allclose(problem.position, (-1, 0, 0.9)) and not np.allclose(problem.rest_lengths, rigid):
+            raise beyond.value
+        return solve(problem, *more, **options)
+
+    monkeypatch.setattr(newton, "solve", ends_beyond)
     found = cdpr.compensate(robot, (-1, 0, 0.9))
     assert found.reached is None
     assert not found.reached_from_commanded
