@@ -31,7 +31,7 @@ FOREVER = 120.0
 def start(folder: Path, text: str, name: str = "script.py", words: Sequence[str] = (), **place) -> subprocess.Popen:
     """A script that is run by itself, with the machine code of this folder alone."""
     (folder / name).write_text(text)
-    if not (folder / "doubles.py").exists():  # Numba 0.61 compiles anew what has another time
+    if not (folder / "doubles.py").exists():  # Numba compiles anew what has another time
         (folder / "doubles.py").write_text(DOUBLED)
     environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(folder / "cache")} | place
     pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
