@@ -161,3 +161,15 @@ class Law:
         squares = ropes * ropes
         square = parts**3 * (self.stiffness * self.square) / squares
         return Springs(stiffness, square, parts**4 * (self.stiffness * self.cube) / (squares * ropes))
+
+
+def in_words(cabling: Cabling) -> tuple[str, str]:
+    """The formula of the tension in a model's description; and what its winches add to lengths, "" for nothing."""
+    parts, whole, added = "", "l0", ""
+    if not cabling.direct:
+        parts, whole = "n ", "(l0 + g/n)"
+        added = "With a rope g from winch to exit and n parts of line, g/n is added to L and l0."
+    law = f"{parts}EA (l - l0)/{whole}"
+    if not cabling.linear:
+        law = f"{parts}EA (eps + a2 eps² + a3 eps³), eps = (l - l0)/{whole},"
+    return law + (" with n parts of line and g from winch to exit" if parts else ""), added
