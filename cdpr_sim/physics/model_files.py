@@ -64,6 +64,7 @@ def model_files(
     """
     problem = robot if isinstance(robot, Problem) else Problem.of(robot, robot.home if pose is None else pose)
     robot, (x, y, z) = problem.robot, problem.pose.translation
+    law, _ = in_words(robot.cabling)
     readme = f"""# {robot.name}
 
 {robot.description or "A cable-driven parallel robot"}: {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg.
@@ -75,7 +76,7 @@ def model_files(
 {WINCHES if winches else ""}
 Source: {robot.source or "not given"}.
 
-Cables: {_cables(robot)}. They pull and never push: tension is {in_words(robot.cabling)[0]} beyond the rest length l0, else zero.
+Cables: {_cables(robot)}. They pull and never push: tension is {law} beyond the rest length l0, else zero.
 
 Damping: {_damped(problem, damping)}
 
