@@ -90,7 +90,8 @@ their least mutual distance, as a fraction of the distance of the nearest."""
 CONVERGED = 1e-12
 """SLSQP ends where a step changes half the squared distance, per squared characteristic length, by less, and the
 unbalanced forces add up to less, per load. Tensions of hundreds of loads are balanced no better than by rounding: with
-a hundredth of it, SLSQP tries up to thirty times as many poses, and poses differ by less than 1e-9 m."""
+a hundredth of it, SLSQP tries up to thirty times as many poses, and poses differ by less than 1e-9 m. With an arm below
+the characteristic length the first is smaller, in proportion: rotations have a smaller share in the distance."""
 
 TOO_FAR = 7.0
 """Translation, in mean cable lengths, at which a search for a stable pose is given up. Of 19 searches of a random robot
@@ -281,7 +282,7 @@ def compensate(
     else:
         reasons = _reasons(any_length, rigid)
     held = any_length.held if idle else np.eye(len(robot.free))
-    found = _nearest(rigid, limits, floor, held, arm, least)
+    found = _nearest(rigid, limits, floor, held, max(arm, LEAST_ARM * robot.characteristic_length), least)
     try:
         reached = newton.solve(Problem.of(robot, commanded, found.rest_lengths, rigid.external_wrench))
     except NotConverged:
@@ -484,7 +485,6 @@ def _spread(
     Of many poses those where tensions within limits leave the smallest residual, at some distance from each other.
     """
     robot, free = problem.robot, problem.robot.free
-    arm = max(arm, LEAST_ARM * robot.characteristic_length)
     steps = np.zeros((SAMPLES, 6))
     steps[:, free] = random.normal(size=(SAMPLES, len(free)))
     steps *= radius * (random.random(SAMPLES) ** (1 / len(free)) / np.linalg.norm(steps, axis=1))[:, None]
@@ -593,7 +593,7 @@ def _descend(
     if floor is not None:
         constraints.append({"type": "ineq", "fun": lambda unknowns: float(held(unknowns)), "jac": held_slope})
     weights = np.zeros(count + robot.cables)
-    weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
+    weights[:count] = np.repeat([1.0, (arm / reach) ** 2], 3)[free]
 
     def give_up(unknowns: Float[np.ndarray, " unknowns"]) -> None:
         if np.linalg.norm(decoded(unknowns)[0][:3]) > TOO_FAR * problem.rest_lengths.mean():
@@ -608,7 +608,7 @@ def _descend(
             constraints=constraints,
             method="SLSQP",
             callback=None if floor is None else give_up,
-            options={"maxiter": 300, "ftol": CONVERGED},
+            options={"maxiter": 300, "ftol": CONVERGED * min(1.0, arm / reach)},
         )
         if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
             return None
