@@ -321,7 +321,8 @@ def demand_at(
 
     # The stiffness matrix is affine in the tensions, all taut: one more values than cables determine it.
     # With twice as much, half of the shorter cables would be in front of their exits.
-    most = _tensions_at(problem, pose, 0.5 * forces.geometry(robot, position, rotation).lengths)
+    lengths = forces.geometry(robot, position, rotation).lengths
+    most = _tensions_at(problem, pose, 0.5 * (lengths + robot.cabling.least_lengths))
     some = np.minimum(problem.load or 1.0, 0.5 * most)
     tensions = np.vstack([some, some + np.diag(some)])
     positions, rotations = np.array([position] * len(tensions)), np.array([rotation] * len(tensions))
@@ -342,10 +343,10 @@ def _tensions_at(
     problem: Problem, pose: RigidTransform, least: float | Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, " cables"]:
     """Tensions with which the cables' rest lengths at ``pose`` are the least one, (cables,) [N]; inf without one."""
-    if not np.all(np.asarray(least) > 0):
+    if not np.all(least > problem.robot.cabling.least_lengths):
         return np.full(problem.robot.cables, np.inf)
     lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
-    stretching = least + problem.robot.cabling.added
+    stretching = problem.robot.cabling.stretching(np.asarray(least))
     return np.where(lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, problem.robot.cabling.law))
 
 
@@ -576,14 +577,14 @@ def _descend(
         """By how much each cable's length exceeds that of the least rest length."""
         state, _, _ = pulling(unknowns.tobytes())
         strains = _strains(robot, unknowns[count:] * scale)
-        return (state.lengths - least - strains * (least + robot.cabling.added)) / reach
+        return (state.lengths - least - strains * robot.cabling.stretching(np.asarray(least))) / reach
 
     def spare_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "cables unknowns"]:
         state, _, jacobian = pulling(unknowns.tobytes())
         by_step = -robot.cabling.tensions(state.geometry.wrench_matrix).T
         by_step[:, 3:] = by_step[:, 3:] @ jacobian
         softness = 1 / cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, robot.cabling.law)[0]
-        by_tension = np.diag(-(least + robot.cabling.added) * softness * scale / reach)
+        by_tension = np.diag(-robot.cabling.stretching(np.asarray(least)) * softness * scale / reach)
         return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
