@@ -238,11 +238,12 @@ class Motion:
         forces = self.balance.forces
         net = forces.net(self.data.qpos)
         rows = self.balance.rows()
-        self.touched[:] = False
-        self.touched[np.unique(forces.model.dof_treeid[np.any(rows.directions, axis=0)])] = True
         used = np.unique(self.groups[self.active])
         parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
         states = self.balance.evaluated(net, rows, parts)
+        self.touched[:] = False
+        for part, state in zip(parts, states, strict=True):
+            self.touched[forces.model.dof_treeid[part]] = state.held.apart.shape[1] < len(part)
         self.still[used] = [state.residual < STILL for state in states]
         loaded = [state.held.largest for state in states if state.held.largest > LOADED]
         if self.sticks:
