@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.balance import Balance, Unbalanced
 from cdpr_sim.anymodel.forces import write_state
 from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.islands import coordinates_of, groups_of_trees
@@ -33,14 +33,17 @@ CHECK_STICKING = 20
 """The same once friction holds: it is then a force that each evaluation finds anew."""
 
 READY = 3
-"""Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
-creeps, and a box that creeps on its corners does not come to rest."""
+"""Evaluations at which friction could hold an island that it loads, after which it does. MuJoCo's own friction creeps,
+and a box that creeps on its corners does not come to rest."""
 
 NEAR = 0.1
 """Residual of such an evaluation, at most: bodies that still fall are not held."""
 
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
+
+FALLS = 0.5
+"""Residual of an island above which it falls: friction does not hold it any more."""
 
 LONG = 30
 """Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
@@ -133,8 +136,12 @@ class Motion:
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
+        self.trees = np.array(model.dof_treeid)
+        self.energy, self.still = np.zeros(model.ntree), np.zeros(model.ntree, dtype=bool)
+        self.since, self.rattles = np.zeros(model.ntree, dtype=int), np.zeros(model.ntree, dtype=int)
         self.quiet = 0
-        self.sticks, self.ready, self.loaded = sticks, 0, 0
+        self.sticks = np.full(model.ntree, sticks)
+        self.ready, self.loaded = np.zeros(model.ntree, dtype=int), np.zeros(model.ntree, dtype=int)
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
@@ -150,7 +157,7 @@ class Motion:
         self.good = data.qpos.copy()
         best, best_residual, reason, count = data.qpos.copy(), np.inf, "time steps spent", 0
         momentum, damped, check, in_vain, half = np.zeros(model.nv), True, CHECK, 0, np.inf
-        if self.sticks:
+        if self.sticks.any():
             self._residual()
         while count < steps:
             count += 1
@@ -159,7 +166,7 @@ class Motion:
                 data.qpos[self.held] = self.held_at
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
-            kinetic = np.bincount(self.groups, data.qvel * momentum, self.number)
+            kinetic = np.bincount(self.trees, data.qvel * momentum, model.ntree)
             whole = float(kinetic.sum() + np.abs(data.qacc).sum())
             if not np.isfinite(whole) or kinetic.max(initial=0) > BLOWS_UP * self.heaviest:
                 if model.opt.timestep / 4 < self.first * SHORTEST:
@@ -185,7 +192,7 @@ class Motion:
                 reason = TIME_SPENT
                 break
             in_vain += 1
-            if residual < half / 2 or not self.sticks:
+            if residual < half / 2 or not self.sticks[self.trees[self.active]][~self.still[self.trees[self.active]]].all():
                 half, in_vain = min(residual, half), 0
             if in_vain > LONG:
                 reason = STALLS
@@ -196,7 +203,7 @@ class Motion:
                 reason = "nothing stays"
                 break
             self._regroup()
-            check = CHECK_STICKING if self.sticks else CHECK
+            check = CHECK_STICKING if self.sticks.any() else CHECK
         return self._end(best, best_residual, count, reason)
 
     def _end(self, qpos: np.ndarray, residual: float, count: int, reason: str) -> MotionEnd:
@@ -212,7 +219,7 @@ class Motion:
         peaks = kinetic < self.energy * (1 - 1e-12)
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
-            self.data.qvel[peaks[self.groups]] = 0
+            self.data.qvel[peaks[self.trees]] = 0
             self.rattles = np.where(peaks, np.where((since <= QUICK) & ~self.still, self.rattles + 1, 0), self.rattles)
             if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
@@ -244,29 +251,33 @@ class Motion:
         self.touched[:] = False
         for part, state in zip(parts, states, strict=True):
             self.touched[forces.model.dof_treeid[part]] = state.held.apart.shape[1] < len(part)
-        self.still[used] = [state.residual < STILL for state in states]
-        loaded = [state.held.largest for state in states if state.held.largest > LOADED]
-        if self.sticks:
-            self.data.qfrc_applied[:] = self.applied
-            for part, state in zip(parts, states, strict=True):
-                # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
-                if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
-                    self.data.qfrc_applied[part] += state.held.force
-        elif loaded:
-            near = max(state.residual for state in states) < NEAR
-            self.ready = self.ready + 1 if near and min(loaded) < SLIDES else 0
-            self.loaded += 1
-            self.sticks = self.ready >= READY or self.loaded >= PATIENCE
+        for part, state in zip(parts, states, strict=True):
+            self.still[self.trees[part]] = state.residual < STILL
+        self.data.qfrc_applied[:] = self.applied
+        for part, state in zip(parts, states, strict=True):
+            self._stick(part, state)
         return max((state.residual for state in states), default=0.0)
+
+    def _stick(self, part: Int[np.ndarray, " n"], state: Unbalanced) -> None:
+        """Decide whether friction holds an island; if so, it is applied as a force."""
+        trees, share = self.trees[part], state.held.largest
+        if state.residual > FALLS:
+            self.sticks[trees], self.ready[trees], self.loaded[trees] = False, 0, 0
+        elif share > LOADED:
+            one = np.unique(trees)
+            self.loaded[one] += 1
+            self.ready[one] = self.ready[one] + 1 if state.residual < NEAR and share < SLIDES else 0
+            if self.ready[one].min() >= READY or self.loaded[one].min() >= PATIENCE:
+                self.sticks[one] = True
+        # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
+        if self.sticks[trees].all() and (share < SLIDES or state.held.force @ self.data.qvel[part] <= 0):
+            self.data.qfrc_applied[part] += state.held.force
 
     def _regroup(self, anew: bool = False) -> None:
         """Find the islands; with others than before, kinetic energies begin anew."""
         groups = groups_of_trees(self.model, self.data)[self.model.dof_treeid]
         if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
             self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
-            self.energy = np.zeros(self.number)
-            self.still = np.zeros(self.number, dtype=bool)
-            self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:
         """Hold the islands of bodies that are far away and of joints that turn for ever; whether there are new ones."""
