@@ -82,7 +82,7 @@ SHORTEST = 1 / 2000
 """And that divergence leads to."""
 
 SLOW = 1000
-"""Steps without a peak after which damping, which only delays the rest, is switched off."""
+"""Steps after which the model's damping, which only delays the rest, is switched off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ class Motion:
                 self._again()
                 continue
             self._damp(kinetic)
-            if damped and self.since.max(initial=0) > SLOW:
+            if damped and count > SLOW:
                 damped = False
                 model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
                 affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
