@@ -123,7 +123,9 @@ def described(
     if softened(forces.model):
         notes.append("a time constant in solref is below two time steps: the equilibrium depends on the time step")
     if model.opt.noslip_iterations and share > 0:
-        notes.append("noslip_iterations changes contact forces after MuJoCo's solver: it is left out of this equilibrium")
+        notes.append(
+            "noslip_iterations changes contact forces after MuJoCo's solver: it is left out of this equilibrium"
+        )
     if np.isnan(creep):
         notes.append("the creep was not measured: the time was spent")
     forces.net(qpos)

@@ -197,9 +197,7 @@ def hold(
     held, apart = _held_and_free(directions)
     which, cones = np.unique(rows.cones[touch], return_inverse=True)
     corners = rows.corners[which]
-    use[touch] = least_share(
-        held.T @ (directions.T * rows.limits[touch]), -held.T @ (net / scale), cones, corners
-    )
+    use[touch] = least_share(held.T @ (directions.T * rows.limits[touch]), -held.T @ (net / scale), cones, corners)
     share[which] = found = shares(use[touch], cones, corners)
     _, free = _held_and_free(directions[(found < SLIDES)[cones]])
     force = scale * (directions.T @ (rows.limits * use)[touch])

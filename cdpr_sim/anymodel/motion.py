@@ -192,7 +192,10 @@ class Motion:
                 reason = TIME_SPENT
                 break
             in_vain += 1
-            if residual < half / 2 or not self.sticks[self.trees[self.active]][~self.still[self.trees[self.active]]].all():
+            if (
+                residual < half / 2
+                or not self.sticks[self.trees[self.active]][~self.still[self.trees[self.active]]].all()
+            ):
                 half, in_vain = min(residual, half), 0
             if in_vain > LONG:
                 reason = STALLS
