@@ -1,10 +1,11 @@
-"""Forces that jump: where a tendon changes the side of a geom, or a contact its place, a model may never come to rest."""
+"""Forces that jump, where a tendon changes its path or a contact its place: a model may never come to rest there."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -68,7 +69,7 @@ def _lasting(forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.nd
         return None
     nets = [forces.net(one) for one in poses]
     scale = nets[0].scale(dofs)
-    sizes = [float(_change(one.force, two.force, dofs, scale).max()) for one, two in zip(nets, nets[1:], strict=False)]
+    sizes = [float(_change(one.force, two.force, dofs, scale).max()) for one, two in itertools.pairwise(nets)]
     third, found = REHEARSED // 3, None
     for start in range(0, REHEARSED, third):
         at = start + int(np.argmax(sizes[start : start + third]))

@@ -137,8 +137,7 @@ class Motion:
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
         self.trees = np.array(model.dof_treeid)
-        self.energy, self.still = np.zeros(model.ntree), np.zeros(model.ntree, dtype=bool)
-        self.since, self.rattles = np.zeros(model.ntree, dtype=int), np.zeros(model.ntree, dtype=int)
+        self.still, self.alone = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.quiet = 0
         self.sticks = np.full(model.ntree, sticks)
         self.ready, self.loaded = np.zeros(model.ntree, dtype=int), np.zeros(model.ntree, dtype=int)
@@ -147,7 +146,7 @@ class Motion:
         self.extent = max(float(model.stat.extent), 0.1)
         self.heaviest = max(1.0, float(model.body_mass.sum()))
         self._hold()
-        self._regroup()
+        self._regroup(anew=True)
 
     def run(
         self, *, tolerance: float, steps: int, deadline: float, report: Callable[[int], None] = lambda steps: None
@@ -166,7 +165,7 @@ class Motion:
                 data.qpos[self.held] = self.held_at
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
-            kinetic = np.bincount(self.trees, data.qvel * momentum, model.ntree)
+            kinetic = np.bincount(self.stops[self.trees], data.qvel * momentum, self.number)
             whole = float(kinetic.sum() + np.abs(data.qacc).sum())
             if not np.isfinite(whole) or kinetic.max(initial=0) > BLOWS_UP * self.heaviest:
                 if model.opt.timestep / 4 < self.first * SHORTEST:
@@ -192,10 +191,8 @@ class Motion:
                 reason = TIME_SPENT
                 break
             in_vain += 1
-            if (
-                residual < half / 2
-                or not self.sticks[self.trees[self.active]][~self.still[self.trees[self.active]]].all()
-            ):
+            moves = ~(self.sticks | self.still)[self.trees[self.active]]
+            if residual < half / 2 or moves.any():
                 half, in_vain = min(residual, half), 0
             if in_vain > LONG:
                 reason = STALLS
@@ -222,8 +219,10 @@ class Motion:
         peaks = kinetic < self.energy * (1 - 1e-12)
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
-            self.data.qvel[peaks[self.trees]] = 0
-            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~self.still, self.rattles + 1, 0), self.rattles)
+            self.data.qvel[peaks[self.stops[self.trees]]] = 0
+            still = np.bincount(self.stops, ~self.still, self.number) == 0
+            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~still, self.rattles + 1, 0), self.rattles)
+            self.alone |= (self.rattles >= RATTLES)[self.stops]
             if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
                 self.rattles[:], self.quiet = 0, 0
@@ -277,10 +276,15 @@ class Motion:
             self.data.qfrc_applied[part] += state.held.force
 
     def _regroup(self, anew: bool = False) -> None:
-        """Find the islands; with others than before, kinetic energies begin anew."""
-        groups = groups_of_trees(self.model, self.data)[self.model.dof_treeid]
-        if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
-            self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
+        """Find the islands, and what stops together; with others than before, kinetic energies begin anew."""
+        islands = groups_of_trees(self.model, self.data)
+        self.groups = islands[self.trees]
+        own = islands.max(initial=-1) + 1 + np.arange(self.model.ntree)
+        stops = np.unique(np.where(self.alone, own, islands), return_inverse=True)[1]
+        if anew or not np.array_equal(stops, self.stops):
+            self.stops, self.number = stops, int(stops.max(initial=-1)) + 1
+            self.energy = np.zeros(self.number)
+            self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:
         """Hold the islands of bodies that are far away and of joints that turn for ever; whether there are new ones."""
