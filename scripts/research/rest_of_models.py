@@ -27,8 +27,8 @@ import numpy as np
 
 import cdpr_sim as cdpr
 
-SECONDS = 30.0  # [s] of the search, per model
-LONGEST = 90.0  # [s] after which the process of a model ends
+SECONDS = 60.0  # [s] of the search, per model
+LONGEST = 150.0  # [s] after which the process of a model ends
 STEPPED = 10.0  # [s] of mj_step
 STEPPING_TIME = 6.0  # [s] of computing that mj_step may take
 RIGHT = 1e-6  # largest force that inverse dynamics may need, over the largest force of gravity or actuators
