@@ -92,7 +92,7 @@ class FrictionRows:
     def _keys(self, other: FrictionRows) -> Int[np.ndarray, " rows"]:
         """A number for each row by the name of its cone and its place there, which both have in common."""
         sizes = 2 + np.maximum(self.names.max(axis=0, initial=0), other.names.max(axis=0, initial=0))
-        cones = np.ravel_multi_index(tuple((self.names + 1).T), tuple(sizes))
+        cones = np.asarray(np.ravel_multi_index(tuple((self.names + 1).T), tuple(sizes)))
         first = np.searchsorted(self.cones, self.cones)
         return MOST_ROWS * cones[self.cones] + np.arange(len(self.cones)) - first
 
