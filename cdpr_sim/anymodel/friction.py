@@ -17,10 +17,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from cdpr_sim.anymodel.constraints import jacobian
 from cdpr_sim.anymodel.friction_limits import least_share, shares
 
 NOTHING = 1e-9
 """Rows shorter than this fraction of the longest are rounding: of a planar model, those across its plane."""
+
+LOADED = 1e-6
+"""Share of a friction limit above which friction carries load."""
 
 SLIDES = 1 - 1e-6
 """Share of a limit from which friction counts as at it, and slides."""
@@ -119,16 +123,6 @@ class Held:
     def largest(self) -> float:
         """Largest share of a limit in use."""
         return float(self.share.max(initial=0))
-
-
-def jacobian(model: Any, data: Any) -> Float[np.ndarray, "nefc nv"]:
-    """The constraints' Jacobian, dense."""
-    full = np.zeros((data.nefc, model.nv))
-    if data.nefc and not mujoco.mj_isSparse(model):
-        full[:] = data.efc_J.reshape(-1, model.nv)[: data.nefc]
-    elif data.nefc:
-        mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
-    return full
 
 
 def rows_of(model: Any, data: Any) -> FrictionRows:

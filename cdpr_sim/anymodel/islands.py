@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from cdpr_sim.anymodel.constraints import jacobian
 from cdpr_sim.anymodel.forces import RestForces
-from cdpr_sim.anymodel.friction import jacobian
 
 
 def islands_at(

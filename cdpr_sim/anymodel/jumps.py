@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from cdpr_sim.anymodel.constraints import names_of_bodies, touching
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, write_state
 from cdpr_sim.anymodel.names import movers, name_of
 from cdpr_sim.anymodel.tendons import tensions_in
@@ -120,14 +121,13 @@ def _cause(forces: RestForces, one: np.ndarray, two: np.ndarray) -> str:
         tendons = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz)
         return f"tendon {name_of(model, 'tendon', int(tendons[np.argmax(changes)]))!r} changes its path"
     bodies = max(pairs, key=lambda pair: pairs[pair], default=(0, 0))
-    return f"the contact of {' and '.join(name_of(model, 'body', body) for body in bodies)} changes its place"
+    return f"the contact of {' and '.join(names_of_bodies(model, bodies))} changes its place"
 
 
 def _pushes(model: Any, data: Any) -> dict[tuple[int, int], float]:
     """The force between each two bodies that touch [N]."""
-    found, force = {}, np.zeros(6)
-    for number in range(data.ncon):
-        mujoco.mj_contactForce(model, data, number, force)
-        one, two = sorted(int(body) for body in model.geom_bodyid[data.contact[number].geom])
-        found[one, two] = found.get((one, two), 0.0) + float(force[0])
+    found: dict[tuple[int, int], float] = {}
+    for _, bodies, force in touching(model, data):
+        pair = min(bodies), max(bodies)
+        found[pair] = found.get(pair, 0.0) + float(force[0])
     return found

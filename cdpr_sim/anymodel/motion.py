@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.anymodel.balance import Balance, Unbalanced
 from cdpr_sim.anymodel.forces import write_state
-from cdpr_sim.anymodel.friction import SLIDES
+from cdpr_sim.anymodel.friction import LOADED, SLIDES
 from cdpr_sim.anymodel.islands import coordinates_of, groups_of_trees
 
 STEPS = 20_000
@@ -47,9 +47,6 @@ FALLS = 0.5
 
 LONG = 30
 """Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
-
-LOADED = 1e-6
-"""Share of a friction limit above which friction carries load."""
 
 BLOWS_UP = 1e12
 """[J/kg] Kinetic energy above which the motion has diverged."""
@@ -97,7 +94,6 @@ class MotionEnd:
         falling: trees that moved away without end, and were held.
         sliding: trees among them that touched something.
         turning: joints that turned without end.
-        diverged: whether it diverged at every time step.
     """
 
     qpos: Float[np.ndarray, " nq"]
@@ -107,7 +103,6 @@ class MotionEnd:
     falling: Bool[np.ndarray, " trees"]
     sliding: Bool[np.ndarray, " trees"]
     turning: tuple[int, ...]
-    diverged: bool
 
 
 class Motion:
@@ -208,7 +203,7 @@ class Motion:
 
     def _end(self, qpos: np.ndarray, residual: float, count: int, reason: str) -> MotionEnd:
         turning = tuple(sorted(self.turning))
-        return MotionEnd(qpos, residual, count, reason, self.falling, self.sliding, turning, reason == DIVERGES)
+        return MotionEnd(qpos, residual, count, reason, self.falling, self.sliding, turning)
 
     def _damp(self, kinetic: Float[np.ndarray, " islands"]) -> None:
         """Stop the islands whose kinetic energy is past its peak, and adapt the time step."""

@@ -18,7 +18,7 @@ from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.jumps import JUMP, lasting_jump
 from cdpr_sim.anymodel.model_equilibrium import NoRest
-from cdpr_sim.anymodel.motion import STILL, TIME_SPENT, MotionEnd
+from cdpr_sim.anymodel.motion import DIVERGES, STILL, TIME_SPENT, MotionEnd
 from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
 from cdpr_sim.anymodel.stiffness import NEUTRAL, STEP
 from cdpr_sim.core.equilibrium import NotSettled
@@ -66,7 +66,7 @@ def refusal(
     worst = int(np.argmax([state.residual for state in judged.states]))
     state, part = judged.states[worst], judged.islands[worst]
     names = movers(model, judged.spread(worst, state.force / model.dof_M0[part]))
-    if ended.diverged:
+    if ended.reason == DIVERGES:
         return because(NoRest.DIVERGES, names)
     if state.held.largest > SLIDES and ended.reason != TIME_SPENT:
         return because(NoRest.SLIDES, names)

@@ -77,6 +77,17 @@ def stiffness_of(
     return matrices
 
 
+def slopes(
+    force: Callable[[np.ndarray], Float[np.ndarray, " nv"]], directions: Float[np.ndarray, "nv n"], size: float
+) -> Float[np.ndarray, "nv n"]:
+    """Change of minus the force along each direction, by central differences over ``size``."""
+    found = np.empty_like(directions)
+    for column in range(directions.shape[1]):
+        step = size * directions[:, column]
+        found[:, column] = (force(-step) - force(step)) / (2 * size)
+    return found
+
+
 def modes(mass: Float[np.ndarray, "n n"], free: Float[np.ndarray, "n free"], matrix: Float[np.ndarray, "n n"]) -> Modes:
     """The modes of a stiffness on the free directions (columns)."""
     within = free.T @ mass @ free

@@ -63,6 +63,7 @@ MODELS = {
 WITHOUT_REST = {
     "actuator/pid": "plugin that has a state", "testdata/delay": "delay", "derivative/dcmotor": "DC motor",
     "flex/trampoline": "flex",
+    "replicate/tendon": "its force jumps",
     "testdata/catenary": "turns for ever", "surfacevel/treadmill": "surface that moves",
     "surfacevel/carousel": "surface that moves",
     "assets/inverted_double_pendulum": "mechanism", "hand/manipulate_block": "falls for ever",
@@ -182,6 +183,29 @@ def verdict(end: str, row: dict) -> str:
     return "not answered"
 
 
+def summary(rows: list[dict]) -> list[str]:
+    """Counts by source, residuals, times, and what is not answered: as Markdown."""
+    words = ["right", "correct reason", "right, stays", "rest, by one way", "not answered", "wrong"]
+    lines = [f"| source | models | {' | '.join(words)} |", "|---|" + "---|" * (len(words) + 1)]
+    for source in [*MODELS, ""]:
+        own = [row["verdict"] for row in rows if f"{source}/" in ("/", row["model"][: len(source) + 1])]
+        counts = " | ".join(str(own.count(word)) for word in words)
+        lines.append(f"| {source or 'all'} | {len(own)} | {counts} |")
+    verdicts = [row["verdict"] for row in rows]
+    answered = verdicts.count("right") + verdicts.count("correct reason")
+    both = answered + verdicts.count("right, stays")
+    rest = [row for row in rows if row["verdict"].startswith("right")]
+    moved = [row for row in rest if row["way"] != "start"]
+    lines += ["", f"answered: {answered} of {len(rows)}; with those at which time steps only stay {both}"]
+    for name, unit, of in (("residual", "", rest), ("needs", "", rest), ("seconds", " s", rows)):
+        values = [row[name] for row in of if name in row]
+        lines.append(f"{name}: median {np.median(values):.2g}{unit}, largest {max(values):.2g}{unit}")
+    left = sum(not row["step10s"] <= 1e-2 for row in moved)
+    lines.append(f"ten seconds of mj_step: more than 1 % is left in {left} of {len(moved)} that were not at rest")
+    lines += [f"{row['model']}: {row['agreement']}" for row in rows if row["verdict"] in words[3:]]
+    return lines
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Static equilibria of models of others.")
     parser.add_argument("--root", action="append", default=[], metavar="SOURCE=FOLDER")
@@ -212,10 +236,8 @@ def main() -> None:
             size = f"{row.get('bodies', '-'):>7}{row.get('dofs', '-'):>5} {row.get('way', '-'):8}{numbers[0]:>9}"
             measured = f"{row.get('seconds', LONGEST):>5.1f}s{numbers[1]:>9}{numbers[2]:>9}"
             print(f"{source + '/' + end:44.44}{size}{measured}  {word}: {row['agreement']}", flush=True)
-    answered = sum(counts.get(word, 0) for word in ("right", "correct reason"))
-    print(f"\n{len(rows)} models: {', '.join(f'{count} {word}' for word, count in sorted(counts.items()))}")
-    print(f"answered by both ways or with a correct reason: {answered} of {len(rows)}")
-    print(f"and with those at which time steps only stay: {answered + counts.get('right, stays', 0)}")
+    print(f"\n{len(rows)} models: {', '.join(f'{count} {word}' for word, count in sorted(counts.items()))}\n")
+    print("\n".join(summary(rows)))
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
