@@ -211,3 +211,9 @@ def test_a_tendon_that_changes_its_side_keeps_a_body_in_motion():
     found = cdpr.settle_model(one_side)
     assert found.stable
     assert found.tendon_tensions.lengths == pytest.approx([5], abs=1e-6)
+
+
+def test_more_degrees_of_freedom_than_a_full_matrix_allows_are_refused():
+    """At once, in one sentence, not after minutes."""
+    with pytest.raises(cdpr.InvalidInput, match=r"^model: found 2340 degrees of freedom, expected at most 2000: "):
+        cdpr.settle_model(net(28))
