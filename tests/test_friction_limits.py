@@ -69,7 +69,7 @@ def test_no_load_needs_no_friction():
 
 @pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
 def test_steps_of_any_size_reach_the_limits(size):
-    """From (1, 0) along (-1, 1) the cone ends after a half, whatever the unit; a step that is no number goes nowhere."""
+    """From (1, 0) along (-1, 1) the cone ends after a half, in any unit; a step that is no number goes nowhere."""
     point, step = np.array([[1.0, 0.0]]), np.array([[-1.0, 1.0]])
     assert friction_limits._reach(point, size * step) * size == pytest.approx(0.5)
     assert friction_limits._reach(point, np.inf * step) == 0
