@@ -25,7 +25,8 @@ from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
-from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics import pulleys
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -135,12 +136,11 @@ class Simulations:
                 raise InvalidInput("model: found no body 'origin' in the platform, expected one to apply the wrench to")
             self._apply_wrenches()
         if not own_springs and self.step is None:
-            stiffness, rest = problems.axial_stiffness, problems.rest_lengths
-            self.band[:, :, 1] = rest + self.entries
-            cabling = self.robot.cabling
-            self.springs[:] = tendons.springs(cabling, stiffness, rest) / self.unit
-            if not cabling.linear:
-                self.polynomials[:] = tendons.polynomials(cabling, stiffness, rest) / self.unit
+            self.band[:, :, 1] = problems.rest_lengths + self.entries
+            springs = Law.of(self.robot.cabling, problems.axial_stiffness).springs(problems.rest_lengths)
+            self.springs[:] = springs.stiffness / self.unit
+            if not self.robot.cabling.linear:
+                self.polynomials[:] = springs.polynomial / self.unit
         self.armature[:] = self.model.dof_armature
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
@@ -317,7 +317,7 @@ class Simulations:
         # The two are parallel. Where J vanishes, at an anchor on its exit, the spring's force vanishes too.
         squares = (jacobian * jacobian).sum(-1)
         pulls = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
-        return pulls.T * self.unit / self.robot.reeving + 0.0  # no negative zero
+        return self.robot.cabling.tensions(pulls.T * self.unit) + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
         """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo after ``residuals``; direction of the smallest.
@@ -456,7 +456,7 @@ def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, thre
 def _model_of(robot: Robot) -> mujoco.MjModel:
     """The compiled model of ``robot``, never modified: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, np.ones(robot.cables)))
+    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, 1.0 + robot.cabling.least_lengths))
     add_elements(spec, robot.cabling)
     spec.memory = ARENA
     spec.option.disableflags |= UNUSED

@@ -18,8 +18,9 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.batch import HELD, Observation, in_base_frame, matrices, refuse_own_masses, turned
+from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import (
     SEGMENTS,
     STRAIGHT,
@@ -31,7 +32,6 @@ from cdpr_sim.physics.chains import (
     felt_at_exit,
     hang,
     profiles,
-    segment_springs,
     straight,
 )
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
@@ -118,7 +118,7 @@ class ChainSimulations:
         # Applied loads and actuators of a given model count only in the last of MuJoCo's stages.
         self._stage = FORCES if self.given or self.wrenches.any() else VELOCITIES
         self.slides = chains.dofs.reshape(len(chains.dofs), 3 * (SEGMENTS - 1))
-        self.massless = np.flatnonzero(cabling.linear_density == 0)
+        self.massless = np.flatnonzero(~cabling.with_mass)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.platform, self.origin = (self._id(mujoco.mjtObj.mjOBJ_BODY, name) for name in ("platform", "origin"))
         self.entries = pulleys.entries(cabling)
@@ -199,17 +199,17 @@ class ChainSimulations:
         Of the constants that MuJoCo derives from masses, forces use only the sums of masses of subtrees, and only to
         choose points of reference.
         """
-        chains, cabling, rest = self.chains, self.robot.cabling, self.rest_lengths[at]
-        axial_stiffness, row = self.axial_stiffness[at], at[:, None]
+        chains, rest, row = self.chains, self.rest_lengths[at], at[:, None]
+        law = Law.of(self.robot.cabling, self.axial_stiffness[at])
         lengths, masses = cut(self.robot, rest, ChainDivision(*(part[at] for part in self.division)))
-        springs = segment_springs(cabling, axial_stiffness, lengths)
-        segments = row[..., None], chains.segments
-        self.stiffnesses[segments], self.further[segments] = springs
+        springs, segments = law.some(chains.cables).segments(lengths), (row[..., None], chains.segments)
+        self.stiffnesses[segments], self.further[segments] = springs.stiffness, springs.polynomial
         lengths[..., 0] += chains.entries
         self.bands[(*segments, 1)] = lengths
         self.bands[row, self.single, 1] = (rest + self.entries)[:, self.massless]
-        self.stiffnesses[row, self.single] = tendons.springs(cabling, axial_stiffness, rest)[:, self.massless]
-        self.further[row, self.single] = tendons.polynomials(cabling, axial_stiffness, rest)[:, self.massless]
+        springs = law.springs(rest)
+        self.stiffnesses[row, self.single] = springs.stiffness[:, self.massless]
+        self.further[row, self.single] = springs.polynomial[:, self.massless]
         self.springs[at], self.polynomials[at] = self.stiffnesses[at], self.further[at]
         self.masses[row[..., None], chains.nodes] = masses[..., -2::-1]
         self.masses[row, chains.ends] = masses[..., -1]
@@ -239,11 +239,11 @@ class ChainSimulations:
         assert self.ropes is not None
         tensions = self.tensions(self.all)
         for cable in set(self.with_memory) & set(self.chains.cables):
-            tensions[:, cable] = self._along(self.all, self.first[cable]) / self.robot.reeving[cable]
+            tensions[:, cable] = self._along(self.all, self.first[cable]) / self.robot.cabling.reeving[cable]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
-        beyond = self.rest_lengths - self.robot.wrapped_lengths
+        beyond = Law.of(self.robot.cabling).ropes(self.rest_lengths) - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
 
     def observe(self, at: Rows) -> Observation:
@@ -472,7 +472,7 @@ class ChainSimulations:
         tensions[:, self.chains.cables] = np.linalg.norm(self.anchor_pulls(at), axis=2)
         for cable, tendon in zip(self.massless, self.single, strict=True):
             tensions[:, cable] = self._along(at, tendon)
-        return tensions / self.robot.reeving
+        return self.robot.cabling.tensions(tensions)
 
     def _along(self, at: Rows, tendon: np.integer) -> Float[np.ndarray, " some"]:
         """MuJoCo's force of one tendon's spring along it [N]."""
@@ -510,7 +510,7 @@ class ChainSimulations:
             extents, found = hang(
                 each(weights),
                 each(chains.rest_lengths(self.bands[at])),
-                (each(stiffness), each(further[..., 0]), each(further[..., 1])),
+                Springs(each(stiffness), each(further[..., 0]), each(further[..., 1])),
                 np.tile(chains.radii, rows),
                 np.tile(chains.axes, (rows, 1)),
                 each(pulls),
@@ -526,7 +526,7 @@ class ChainSimulations:
         """``chains.expected_pulls``, as of MuJoCo's last call."""
         cables, weights = self.chains.cables, self.weights[at][..., None] * [0.0, 0.0, -1.0]
         strains = self.chords(at) / self.rest_lengths[at][:, cables] - 1
-        stiffness = (self.robot.reeving * self.axial_stiffness[at])[:, cables]
+        stiffness = self.robot.cabling.pulls(self.axial_stiffness[at])[:, cables]
         return expected_pulls(self.spans(at), strains, stiffness, weights)
 
     def spans(self, at: Rows) -> Float[np.ndarray, "some chains 3"]:
@@ -569,7 +569,8 @@ def _inertia(robot: Robot) -> Float[np.ndarray, " free"]:
 def _generated(robot: Robot) -> tuple[mujoco.MjModel, Chains, pulleys.Swivels, Float[np.ndarray, "bodies bodies"]]:
     """``_prepared`` of the generated model."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    lengths = 1.0 + robot.wrapped_lengths + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
+    weighing = 1.0 + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
+    lengths = robot.cabling.least_lengths + robot.wrapped_lengths + weighing
     return _prepared(mujoco.MjModel.from_xml_string(to_mjcf(without_memory(robot), middle, lengths)), robot)
 
 
