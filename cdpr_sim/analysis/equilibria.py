@@ -395,7 +395,7 @@ def _roots(
     with np.errstate(all="ignore"):
         positions, rotations, left = ROOTS(
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
-            free, robot.characteristic_length, int(not robot.cabling.massless), 1e-3 * BALANCED * problem.load, damping,
+            free, robot.characteristic_length, int(not robot.cabling.springs), 1e-3 * BALANCED * problem.load, damping,
             positions, rotations,
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load

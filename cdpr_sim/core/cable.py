@@ -283,6 +283,14 @@ class Cabling(Cables, Frozen):
         """Whether no cable has mass."""
         return not self.with_mass.any()
 
+    @property
+    def springs(self) -> bool:
+        """Whether every cable is a spring along its path: its tension, in the path's direction, is by its length.
+
+        Cables with mass are none.
+        """
+        return self.massless
+
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
         """Which cables run over a pulley, (cables,)."""

@@ -221,7 +221,7 @@ def at(
     """Forces of ``problem`` with the platform at a pose, or many; for many problems, each at its own pose."""
     robot, cables = problem.robot, geometry(problem.robot, position, rotation)
     rest = problem.rest_lengths
-    if not robot.cabling.massless:
+    if not robot.cabling.springs:
         chords = np.asarray(position)[..., None, :] + cables.arms - robot.exits
         hanging = any_cables(robot.cable_table(problem.axial_stiffness), chords, rest)
         tau = robot.cabling.tensions(hanging.anchor_tension)
