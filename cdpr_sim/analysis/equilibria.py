@@ -217,7 +217,7 @@ def find_equilibria(
             rotations = np.concatenate([rotations, between.rotation.as_matrix()])
             roots = _stiffened_roots(problem, positions, rotations)
             found += _distinct(problem, *roots, polish=False, known=found)
-            lengths = forces.geometry(problem.robot, *roots).lengths
+            lengths = forces.at(problem, *roots).lengths
             beyond_law |= bool(problem.robot.cabling.beyond_law(lengths, problem.rest_lengths).any())
         made += len(positions)
         if not _imbalance(found):

@@ -94,6 +94,9 @@ class Robot(Cables, HtmlRepr):
             overloaded cables. All three are limits of the rope's tension, as ``tensions``.
         winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
             depend on the pose, and it stretches with the rope.
+        exit_compliance: by how much the exit, with its wheel, moves under each newton with which the cable pulls it
+            towards the anchor [m/N]: one number, three along x, y and z of the base frame, one number for each cable,
+            (cables, 1), or three, (cables, 3). Rest lengths of rigid cables are those from exits that do not move.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
         pulley_friction: c, the fraction of the tension that is lost at the exit, one number or one per cable: the
@@ -166,6 +169,7 @@ class Robot(Cables, HtmlRepr):
         force_max: ArrayLike = np.inf,
         breaking_load: ArrayLike | None = None,
         winch_to_exit: ArrayLike = 0.0,
+        exit_compliance: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
         pulley_friction: ArrayLike = 0.0,
         hysteresis: Rows = (),

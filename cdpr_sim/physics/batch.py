@@ -27,6 +27,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.cable import Law
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -94,6 +95,7 @@ class Simulations:
         self.batch = Batch(model, rows, threads)
         self.step: RopeStep | None = None
         self.free, self.swivels = len(robot.free), pulleys.Swivels.of(model, robot.cabling)
+        self.slides = Slides.of(model, robot.cables)
         own = slice(0, robot.cables)  # the tendons behind them are the elements of cables with a memory
         self.band = self.batch.expand("tendon_lengthspring")[:, own]
         self.springs = self.batch.expand("tendon_stiffness")[:, own]
@@ -159,9 +161,32 @@ class Simulations:
         self.follow()
 
     def follow(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
-        """Turn the wheels towards their anchors and hold the elements of cables with a memory."""
+        """Turn the wheels towards their anchors and hold the elements of cables with a memory.
+
+        Exits that give way are then where their forces balance.
+        """
+        self.move_exits(rows)
         self.turn_wheels(rows)
         self.hold(rows)
+
+    def move_exits(self, rows: Bool[np.ndarray, " rows"] | None = None, *, hold: bool = True) -> None:
+        """Move exits that give way to where their forces balance; the wheels turn on the way."""
+        if not self.slides:
+            return
+        rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
+        rows = rows & np.isfinite(self.qpos).all(1)
+        at = np.flatnonzero(rows)
+
+        def springs() -> Float[np.ndarray, "rows dofs"]:
+            self.turn_wheels(rows)
+            if hold:
+                self.hold(rows)
+            self.batch.forward(at, stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+            return self._spring
+
+        if len(at):
+            self.slides.settle(self.qpos, at, self.rest_lengths[at].mean(1), springs)
+            self.qvel[at[:, None], self.slides.dofs[self.slides.some]] = 0
 
     def hold(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
         """Put the elements of cables with a memory where they are after a straight way from the start of the step."""
@@ -229,6 +254,12 @@ class Simulations:
         return largest
 
     @property
+    def unbalanced_exits(self) -> Float[np.ndarray, " rows"]:
+        """The largest force that is left on an exit that gives way [N], as of MuJoCo's last call."""
+        left = np.abs(self._smooth - self._damper)[:, self.slides.dofs[self.slides.some]] * self.unit
+        return left.max(1, initial=0)
+
+    @property
     def forces(self) -> Float[np.ndarray, "rows free"]:
         """Net force and torque on the platform's origin without the damping, as of MuJoCo's last call [N], base frame.
 
@@ -261,7 +292,7 @@ class Simulations:
         self.qvel[:] = 0
         self.follow()
         self.batch.forward()
-        return self.unbalanced
+        return np.maximum(self.unbalanced, self.unbalanced_exits)
 
     def displaced(
         self, qpos: Float[np.ndarray, "some coordinates"], moves: Float[np.ndarray, "*each some free"]
@@ -314,6 +345,7 @@ class Simulations:
         jacobian = np.zeros_like(forces)
         own = self._entry_cables < len(forces)
         jacobian[self._entry_cables[own], :, self.model.ten_J_colind[own]] = self._jacobian.T[own]
+        jacobian[..., self.slides.dofs[self.slides.some]] = 0  # where the frame's springs act, too
         # The two are parallel. Where J vanishes, at an anchor on its exit, the spring's force vanishes too.
         squares = (jacobian * jacobian).sum(-1)
         pulls = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
@@ -346,6 +378,7 @@ class Simulations:
         pushed, rotations = np.empty((2 * free, len(rest), free)), np.empty((2 * free, len(rest), 3, 3))
         for i, displaced in enumerate(self.displaced(rest, moves)):
             self.qpos[:] = displaced
+            self.move_exits(hold=False)
             self.turn_wheels()
             self.batch.forward()
             pushed[i], rotations[i] = self.accelerating, self.rotations
@@ -482,6 +515,7 @@ def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
         model.tendon_stiffness,
         model.tendon_stiffnesspoly,
         model.tendon_damping,
+        model.jnt_stiffness,
     ):
         quantity /= unit
     dofs = pulleys.Swivels.of(model, robot.cabling).dofs

@@ -165,9 +165,10 @@ def divisions(
 def felt_at_exit(cabling: Cabling) -> Bool[np.ndarray, " chains"]:
     """Which cables with mass need the tension at the exit itself in their first segments.
 
-    A wheel or the rope behind feels it, and a memory.
+    A wheel or the rope behind feels it, a frame that gives way, and a memory.
     """
-    return (cabling.pulleys | (cabling.behind > 0) | cabling.has_memory)[cabling.with_mass]
+    felt = cabling.pulleys | (cabling.behind > 0) | cabling.moving_exits | cabling.has_memory
+    return felt[cabling.with_mass]
 
 
 def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:

@@ -89,10 +89,11 @@ class ChainRelaxation:
     def relax(self) -> None:
         """Settle in long steps, else by ``approach`` from the start, else in shorter ones; then divide at bends.
 
-        Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there.
+        Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there. It
+        also does where exits give way, which time steps hold in place.
         """
         simulations = self.simulations
-        at_once = self.frames is None and bool(simulations.chains.over.any())
+        at_once = self.frames is None and (bool(simulations.chains.over.any()) or bool(simulations.frames))
         if at_once:
             self.approach_from_afar(simulations.all)
             simulations.restart(self._unsettled)
@@ -149,6 +150,7 @@ class ChainRelaxation:
             self.status[broken[hopeless]] = Status.DIVERGED
             self._restart(broken[~hopeless])
             calm = live[~unstable]
+            simulations.move_exits(calm)
             residual = simulations.unbalanced(calm)
             if self.say is not None:
                 for row, left in zip(calm, residual, strict=True):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -34,6 +34,7 @@ from cdpr_sim.physics.chains import (
     profiles,
     straight,
 )
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.rope_memory import RopeStep
 
@@ -114,6 +115,7 @@ class ChainSimulations:
         )
         chains = self.chains
         self.batch = Batch(self.model, rows * (1 + PLACES), threads)  # behind all rows there are simulations for PLACES
+        self.frames = Slides.of(self.model, robot.cables)
         self._name_fields()
         # Applied loads and actuators of a given model count only in the last of MuJoCo's stages.
         self._stage = FORCES if self.given or self.wrenches.any() else VELOCITIES
@@ -327,7 +329,7 @@ class ChainSimulations:
         qpos: Float[np.ndarray, "some places coordinates"],
         springs: tuple[Float[np.ndarray, "some ..."], ...],
     ) -> tuple[Float[np.ndarray, "some places free"], Float[np.ndarray, "some places chains slides"]]:
-        """``forces`` at ``PLACES`` other coordinates, at zero velocity, with the wheels turned.
+        """``forces`` at ``PLACES`` other coordinates, at zero velocity, with wheels turned and exits that give way.
 
         Args:
             at: the rows.
@@ -344,7 +346,12 @@ class ChainSimulations:
         batch.state[places] = np.repeat(batch.state[at], PLACES, axis=0)
         batch.qpos[places] = qpos.reshape(count, -1)
         rows = np.arange(first, first + count)
-        self._turn_wheels(batch.qpos, batch.expand("body_quat"), rows)
+
+        def turn() -> None:
+            self._turn_wheels(batch.qpos, batch.expand("body_quat"), rows)
+
+        self._move_exits(rows, np.repeat(self.rest_lengths[at].mean(1), PLACES), turn)
+        turn()
         batch.forward(rows, stage=self._stage)
         if self._stage == FORCES:
             net = batch.qfrc_smooth[places]
@@ -374,12 +381,43 @@ class ChainSimulations:
         """``unbalanced`` at the present coordinates, at zero velocity and with the true springs."""
         self.stiffnesses[at], self.further[at] = self.springs[at], self.polynomials[at]
         self.qvel[at] = 0
+        self.move_exits(at)
+        self._follow(at)
+        self.evaluate(at)
+        left = np.abs(self._spring[at][:, self.frames.dofs[self.frames.some]]).max(1, initial=0.0)
+        return np.maximum(self.unbalanced(at), left)
+
+    def _follow(self, at: Rows) -> None:
+        """Let wheels and ropes with a memory follow."""
         self.turn_wheels(at)
         if self.ropes is not None:
             self.batch.forward(at, stage=POSITIONS)
-            self.hold_ropes(at)
-        self.evaluate(at)
-        return self.unbalanced(at)
+            with np.errstate(over="ignore", invalid="ignore"):  # after a step that is far too long, and not accepted
+                self.hold_ropes(at)
+
+    def move_exits(self, at: Rows) -> None:
+        """Move exits that give way to where their forces balance."""
+        self._move_exits(at, self.rest_lengths[at].mean(1), lambda: self._follow(at))
+
+    def _move_exits(self, rows: Rows, length: Float[np.ndarray, " some"], follow: Callable[[], None]) -> None:
+        """Move exits that give way to where their forces balance, also of simulations behind the rows.
+
+        ``follow`` lets wheels and springs follow; ``length`` is that of the cables [m].
+        """
+        if not self.frames:
+            return
+
+        def springs() -> Float[np.ndarray, "rows dofs"]:
+            follow()
+            self.batch.forward(rows, stage=VELOCITIES)
+            return self.batch.bind("qfrc_spring")
+
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that becomes unstable
+            self.frames.settle(self.batch.qpos, rows, length, springs)
+
+    def _exits(self, qpos: Float[np.ndarray, "some coordinates"]) -> Float[np.ndarray, "some cables 3"]:
+        """Where exits are with these coordinates, base frame [m]."""
+        return self.robot.exits + np.where(self.frames.some, qpos[:, self.frames.coordinates], 0.0)
 
     def evaluate(self, at: Rows) -> None:
         """MuJoCo's forces at the present state."""
@@ -437,7 +475,7 @@ class ChainSimulations:
             chain = self._facing[swivels.cables]
             seen[:, chain >= 0] += qpos[:, chains.coordinates[chain[chain >= 0]]].sum(2)
         positions, rotations = self._platforms(qpos)
-        away = positions[:, None] + seen @ rotations.swapaxes(1, 2) - model.body_pos[swivels.bodies]
+        away = positions[:, None] + seen @ rotations.swapaxes(1, 2) - self._exits(qpos)[:, swivels.cables]
         wheels = at[:, None], swivels.bodies
         turning = len(swivels.coordinates) > 0
         frames = self._frames if turning else matrices(all_quaternions[wheels])
@@ -478,8 +516,10 @@ class ChainSimulations:
         """MuJoCo's force of one tendon's spring along it [N]."""
         entries = slice(self.model.ten_J_rowadr[tendon], None)
         entries = slice(entries.start, entries.start + self.model.ten_J_rownnz[tendon])
+        dofs = self.model.ten_J_colind[entries]
+        own = ~np.isin(dofs, self.frames.dofs)  # on others the frame's springs act, too
         with self._only(at, tendon):
-            row, force = self._jacobian[at, entries], self._spring[at][:, self.model.ten_J_colind[entries]]
+            row, force = self._jacobian[at, entries][:, own], self._spring[at][:, dofs[own]]
         return -np.vecdot(row, force) / np.maximum(np.vecdot(row, row), np.finfo(float).tiny) + 0.0
 
     @contextmanager
@@ -533,7 +573,7 @@ class ChainSimulations:
         """Vectors from anchors to exits [m]."""
         positions, rotations = self._platforms(self.qpos[at])
         ends = positions[:, None] + self.model.body_pos[self.chains.ends] @ rotations.swapaxes(1, 2)
-        return self.robot.exits[self.chains.cables] - ends
+        return self._exits(self.qpos[at])[:, self.chains.cables] - ends
 
     def divide_at_bends(self, at: Rows) -> Int[np.ndarray, " bent"]:
         """Move the masses of chains with bends to where they bend; returns the rows that have any.
@@ -587,6 +627,8 @@ def _prepared(
     angular = slice(3, 6) if len(robot.free) == 6 else slice(2, 3)
     model.dof_armature[angular] = TURNING * _inertia(robot)[angular]
     model.dof_armature[swivels.dofs] = HELD * robot.mass * robot.characteristic_length**2
+    frames = Slides.of(model, robot.cables)
+    model.dof_armature[frames.dofs[frames.some]] = IMMOVABLE  # by time steps; they move between them
     descendants = np.eye(model.nbody)
     for body in range(model.nbody - 1, 0, -1):
         descendants[model.body_parentid[body]] += descendants[body]
