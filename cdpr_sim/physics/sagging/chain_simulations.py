@@ -130,7 +130,7 @@ class ChainSimulations:
         self.weights = self._weights()
         self.with_memory, self.ropes = np.flatnonzero(cabling.has_memory), None
         if len(self.with_memory):
-            before, duration = memory or (Memory.fresh(robot, (rows,)), 0.0)
+            self._before, duration = before, _ = memory or (Memory.fresh(robot, (rows,)), 0.0)
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         self.springs, self.polynomials = self.stiffnesses.copy(), self.further.copy()
         if not self.given:
@@ -241,6 +241,10 @@ class ChainSimulations:
         for cable in set(self.with_memory) & set(self.chains.cables):
             tensions[:, cable] = self._along(self.all, self.first[cable]) / self.robot.reeving[cable]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
+
+    def memory_of(self, row: int) -> Memory | None:
+        """The memory of one row before this step, (1,)."""
+        return None if self.ropes is None else self._before[row][None]
 
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
         beyond = self.rest_lengths - self.robot.wrapped_lengths

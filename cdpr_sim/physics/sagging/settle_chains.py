@@ -20,8 +20,11 @@ from cdpr_sim.physics.batch import SimulationReading, quiet
 from cdpr_sim.physics.chains import too_short
 from cdpr_sim.physics.dynamic_relaxation import settled
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
-from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation, Frames
 from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations
+from cdpr_sim.physics.sagging.settling import Settling
+
+Frames = list[tuple[float, RigidTransform, np.ndarray, np.ndarray]]
+"""(time, pose, lengths, tensions) at every step of the motion of the first row."""
 
 ROWS = 256
 """Rows that move side by side: with more, each costs no less, and they need 0.2 MB each."""
@@ -70,14 +73,23 @@ def released(
                 memory=None if memory is None else (memory[0][rows], memory[1]),
                 threads=threads,
             )
-            relaxation = ChainRelaxation(simulations, None if first else frames, report if say is not None else None)
-            relaxation.relax()
-            found.append(settled(relaxation, read(simulations), partial(read, simulations)))
+            settling = Settling(simulations, report if say is not None else None)
+            if frames is not None and first == 0:
+                _record(settling, frames)
+            settling.settle()
+            found.append(settled(settling, read(simulations), partial(read, simulations)))
             memories.append({} if simulations.ropes is None else simulations.remembered().arrays)
     columns, after = (
         {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} for parts in (found, memories)
     )
     return columns, Memory(**after, time=np.nan) if after else None
+
+
+def _record(settling: Settling, frames: Frames) -> None:
+    """Move the first row to rest in a viscous medium."""
+    for motion in settling.damped():
+        seen = motion.look()
+        frames.append((motion.time, seen.poses[0], seen.lengths[0], seen.tensions[0]))
 
 
 def read(simulations: ChainSimulations) -> SimulationReading:
@@ -114,10 +126,10 @@ def _settles(simulations: ChainSimulations, *, held: bool) -> Bool[np.ndarray, "
     """Which rows settle, with their platforms ``held`` or not."""
     if held:
         simulations.hold()
-    relaxation = ChainRelaxation(simulations)
-    relaxation.relax()
+    settling = Settling(simulations)
+    settling.settle()
     simulations.held = False
-    return relaxation.status == Status.CONVERGED
+    return settling.status == Status.CONVERGED
 
 
 def unbalanced(

@@ -1,0 +1,290 @@
+"""Settling of platforms on cables with mass: damped steps in MuJoCo that grow until they are Newton's to equilibrium.
+
+Only the equilibrium matters and not the time to reach it. A platform with its true mass and inertia sinks in a viscous
+medium: each step is one of this motion, implicit in MuJoCo's own stiffness (``chain_derivatives``),
+
+    (stiffness + drag/duration) step = forces,
+
+and its duration grows with success, so that short steps choose the equilibrium that the motion would choose, and the
+last ones are Newton's (pseudo-transient continuation: Kelley and Keyes 1998, doi 10.1137/S0036142996304796). A step is
+shortened to where the forces' work along it changes its sign (Matthies and Strang 1979, doi 10.1002/nme.1620141104):
+it then has lowered the energy, also where cables become taut within it. Chains are laid out again after each step.
+Where stiffness is negative, the step has the direction of the forces, which leads away from a saddle.
+
+Rows for which this fails, with chains that are folded, move in damped time steps (``motion``) for a while.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
+from cdpr_sim.physics.dynamic_relaxation import RESIDUAL, ROUNDING, SPEED
+from cdpr_sim.physics.motion import CALM, Motion
+from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
+from cdpr_sim.physics.sagging.chain_simulations import TURNING, ChainSimulations, Rows
+
+STEPS = 300
+"""Steps in turn after which a platform counts as not converging: ten are usual."""
+
+NUDGE = 1e-4
+"""Push of a platform that is balanced on a saddle, as a fraction of the longest cable."""
+
+FIRMEST, FIRMER, LOOSER = 30.0, 2.0, 0.2
+"""Stiffness of the drag in the first step, in that of the slowest oscillation; its factor after a step that was
+shortened, and after one that was not. ``FIRMEST`` is that of an overdamped motion in steps of a tenth of 1/omega."""
+
+LOOSEST = 1e-3
+"""Least of it after a shortened step."""
+
+OVERDAMPED, SLOWEST = 30.0, 0.1
+"""The same for a platform that has been below a wheel, as a multiple; and the least of it: it does not swing past an
+equilibrium beside the wheel."""
+
+TURN, FAR = 0.3, 0.3
+"""Largest rotation in a step [rad], and the largest translation, in mean cable lengths."""
+
+OVERSHOOT = 0.5
+"""A step is shortened while the work at its end is below minus this fraction of that at its beginning."""
+
+SHORTER, VAIN = 20, 4
+"""Largest number of times that a step is shortened; and of failed steps in turn after which a row is given up."""
+
+DAMPING, LONGEST, MOST_TIME = 1.5, 0.1, 1e3
+"""Of damped time steps: damping ratio of the slowest oscillation; their length and that of the longest motion, in
+1/omega."""
+
+TRIES, SHAKEN, LONGER, MOST_STEPS = 3, 5.0, 4.0, 3000
+"""Number of times that a row which was given up moves in damped time steps; for how long, in 1/omega, the first time,
+and the factor of that from time to time; and the largest number of these steps."""
+
+CLOSER, QUICK = 0.5, 0.1
+"""A step that leaves less than these fractions of the residual is a good one; and the next one takes the same
+derivatives again, which cost as much as many steps."""
+
+Modes = tuple[Float[np.ndarray, "some chains slides"], Float[np.ndarray, "some chains slides slides"]]
+"""Eigenvalues [N/m] and vectors of the chains' stiffness."""
+
+
+class Settling:
+    """The way of platforms to equilibrium.
+
+    Args:
+        simulations: the platforms, where they begin.
+        say: is called from time to time with a row and its progress as text.
+    """
+
+    def __init__(self, simulations: ChainSimulations, say: Callable[[int, str], None] | None = None) -> None:
+        self.simulations, self.say = simulations, say
+        rows = len(simulations.all)
+        stiffest = (simulations.springs * simulations.bands[..., 1])[:, simulations.tendons].max(1)
+        load = simulations.load
+        self.target = np.minimum(np.maximum(RESIDUAL * load, ROUNDING * stiffest), ACCEPTABLE * load)
+        self.steps, self.status = np.zeros(rows, dtype=int), np.full(rows, Status.ITERATION_LIMIT.value)
+        self.firmness, self.least = np.full(rows, FIRMEST), np.zeros(rows)
+
+    def settle(self) -> None:
+        """Bring all rows to rest, then divide their chains where they bend."""
+        simulations = self.simulations
+        simulations.residuals(simulations.all)
+        simulations.lay(simulations.all, simulations.expected_pulls(simulations.all))
+        self.run(simulations.all)
+        for attempt in range(0 if simulations.held else TRIES):
+            left = np.flatnonzero(self.status != Status.CONVERGED)
+            for row in left.tolist():
+                for _ in self.damped(row, SHAKEN * LONGER**attempt):
+                    pass
+            self.firmness[left] = 1.0
+            self.run(left)
+        if not simulations.held:
+            lost = np.flatnonzero(simulations.off_wheel(simulations.all))
+            if len(lost):  # below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's
+                self.firmness[lost], self.least[lost] = OVERDAMPED * FIRMEST, SLOWEST
+                simulations.restart(lost)
+                self.run(lost)
+        at = simulations.divide_at_bends(np.flatnonzero(self.status == Status.CONVERGED))
+        if len(at):
+            self.firmness[at] = 0.0
+            self.run(at)
+
+    def run(self, at: Rows) -> None:
+        """Move rows until each is in equilibrium, or given up."""
+        simulations, free = self.simulations, self.simulations.free
+        rows, chains, slides = len(at), *simulations.slides.shape
+        shapes = (free, free), (chains, slides, free), (chains, slides, slides), (chains, slides, free)
+        derivatives = ChainDerivatives(*(np.zeros((rows, *shape)) for shape in shapes))
+        modes, known = (np.zeros((rows, chains, slides)), np.zeros_like(derivatives.within)), np.ones(rows, dtype=bool)
+        earlier, vain, limit = np.zeros(rows), np.zeros(rows, dtype=int), self.steps[at] + STEPS
+        residual = simulations.residuals(at)
+        while True:
+            going = known & ~(residual <= self.target[at]) & (self.steps[at] < limit) & (vain < VAIN)
+            stale = np.flatnonzero(going & ~(residual <= QUICK * earlier))
+            if len(stale):
+                fresh = ChainDerivatives.of(simulations, at[stale], quick=True)
+                known[stale] = fresh.known
+                for whole, part in zip(derivatives, fresh, strict=True):
+                    whole[stale] = part
+                finite = stale[fresh.known]
+                within = derivatives.within[finite]
+                modes[0][finite], modes[1][finite] = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
+            live = np.flatnonzero(going & known)
+            if not len(live):
+                break
+            earlier[live] = residual[live]
+            some = ChainDerivatives(*(part[live] for part in derivatives))
+            good, residual[live] = self._step(at[live], some, (modes[0][live], modes[1][live]), residual[live])
+            vain[live] = np.where(good, 0, vain[live] + 1)
+            if self.say is not None:
+                for row, left in zip(at[live], residual[live], strict=True):
+                    load = simulations.load[row]
+                    self.say(int(row), f"{self.steps[row]} steps, {left:.1e} N of {load:.3g} N unbalanced")
+        self.status[at] = np.where(residual <= self.target[at], Status.CONVERGED, Status.ITERATION_LIMIT)
+        self.status[at[~known]] = Status.DIVERGED
+
+    def _step(
+        self, at: Rows, derivatives: ChainDerivatives, modes: Modes, residual: Float[np.ndarray, " some"]
+    ) -> tuple[Bool[np.ndarray, " some"], Float[np.ndarray, " some"]]:
+        """One step; whether it lowers the energy, and the residual after it [N]."""
+        simulations = self.simulations
+        x, slid, work = self._direction(at, derivatives, modes, residual)
+        move, pulls = simulations.in_dofs(at, x), simulations.anchor_pulls(at)
+        move[:, simulations.slides] = slid
+        start, share, after = simulations.qpos[at].copy(), np.ones(len(at)), residual.copy()
+        good = np.zeros(len(at), dtype=bool)
+        low, high, work_low, work_high = np.zeros(len(at)), np.full(len(at), np.inf), work.copy(), np.zeros(len(at))
+        for _ in range(SHORTER):
+            left = np.flatnonzero(~good)
+            some = at[left]
+            simulations.qpos[some] = simulations.displaced(start[left], share[left, None] * move[left])
+            after[left] = simulations.residuals(some)
+            loosely = left[~(after[left] <= CLOSER * residual[left])]
+            if len(loosely):
+                simulations.lay(at[loosely], pulls[loosely])
+                after[loosely] = simulations.residuals(at[loosely])
+            now = _work(simulations.forces(some), derivatives.carried[left], x[left], slid[left])
+            band = OVERSHOOT * work[left]
+            over, under = ~(now >= -band), (now > band) & np.isfinite(high[left])
+            good[left] = ~(over | under) | (after[left] <= CLOSER * residual[left])
+            if good.all():
+                break
+            # Regula falsi (Illinois): a bound that stays counts half.
+            over, under = left[over], left[under]
+            now = np.where(np.isfinite(now), now, -np.inf)
+            work_low[over] *= 0.5 ** (np.isfinite(high[over]) & (low[over] > 0))
+            high[over], work_high[over] = share[over], now[np.isin(left, over)]
+            work_high[under] *= 0.5
+            low[under], work_low[under] = share[under], now[np.isin(left, under)]
+            left = left[~good[left]]
+            fraction = work_low[left] / (work_low[left] - work_high[left])
+            share[left] = low[left] + np.clip(fraction, 1e-3, 0.9) * (high[left] - low[left])
+        self.steps[at] += 1
+        whole = good & np.isinf(high)
+        firmness = self.firmness[at]
+        firmness = np.where(whole, LOOSER * firmness, np.maximum(firmness, LOOSEST) * FIRMER)
+        self.firmness[at] = np.clip(firmness, self.least[at], FIRMEST)
+        return good | (share > 0) & (low > 0), after
+
+    def _direction(
+        self, at: Rows, derivatives: ChainDerivatives, modes: Modes, residual: Float[np.ndarray, " some"]
+    ) -> tuple[Float[np.ndarray, "some free"], Float[np.ndarray, "some chains slides"], Float[np.ndarray, " some"]]:
+        """The steps of platforms [m], of the slides of their chains [m], and the forces' work per step [J]."""
+        simulations, (direct, across, _, carried) = self.simulations, derivatives
+        platform, slides = forces = simulations.forces(at)
+        firmness = self.firmness[at] * np.minimum(1, residual / simulations.load[at])
+        # Slack masses are damped as well, in proportion to what a hanging chain resists; nothing is pushed uphill.
+        values, vectors = modes
+        rest = simulations.rest_lengths[at][:, simulations.chains.cables]
+        floor = firmness[:, None] * simulations.weights[at] / rest
+        sizes = np.maximum(np.abs(values), np.finfo(float).eps * np.abs(values).max(2, keepdims=True))
+        sizes = np.maximum(sizes + floor[..., None], np.finfo(float).tiny)
+        loose = (vectors / sizes[..., None, :]) @ vectors.swapaxes(2, 3)
+        alone, follow, x = (loose @ slides[..., None])[..., 0], loose @ across, np.zeros_like(platform)
+        if not simulations.held:
+            direct = direct - (across.swapaxes(2, 3) @ follow).sum(1)
+            pushed = platform + np.einsum("rcs,rcsf->rf", slides, carried)
+            pushed = pushed - (across.swapaxes(2, 3) @ alone[..., None])[..., 0].sum(1)
+            x = self._damped(at, direct, pushed, firmness * simulations.swing[at] ** 2)
+            limit = np.abs(x[:, simulations.angular]).max(1) / (TURN * simulations.length)
+            limit = np.maximum(limit, np.abs(x).max(1) / (FAR * simulations.rest_lengths[at].mean(1)))
+            x /= np.maximum(limit, 1.0)[:, None]
+        slid = alone - (follow @ x[:, None, :, None])[..., 0]
+        return x, slid, _work(forces, carried, x, slid)
+
+    def _damped(
+        self,
+        at: Rows,
+        stiffness: Float[np.ndarray, "some free free"],
+        pushed: Float[np.ndarray, "some free"],
+        drag: Float[np.ndarray, " some"],
+    ) -> Float[np.ndarray, "some free"]:
+        """Steps against a stiffness and a ``drag`` in proportion to the inertia [1/s²]."""
+        simulations = self.simulations
+        units = np.zeros_like(stiffness)  # of a kilogram, along the axes of the platform
+        free, root = np.arange(simulations.free), np.sqrt(simulations.inertia)
+        units[:, free, free] = 1 / root
+        if simulations.free == 6:
+            units[:, 3:, 3:] = simulations.rotations[at] / root[3:]
+        units[:, simulations.angular] *= simulations.length
+        seen = units.swapaxes(1, 2) @ stiffness @ units
+        force = (pushed[:, None] @ units)[:, 0]
+        values, vectors = np.linalg.eigh((seen + seen.swapaxes(1, 2)) / 2)
+        largest = np.maximum(np.abs(values).max(1), np.finfo(float).tiny)
+        sizes = np.maximum(np.abs(values), NEUTRAL * largest[:, None]) + drag[:, None]
+        step = (vectors @ ((force[:, None] @ vectors)[:, 0] / sizes)[..., None])[..., 0]
+        definite = values[:, 0] > NEUTRAL * largest
+        if definite.any():  # also the antisymmetric part
+            whole = seen[definite] + drag[definite, None, None] * np.eye(len(free))
+            step[definite] = np.linalg.solve(whole, force[definite, :, None])[..., 0]
+        return (units @ step[..., None])[..., 0]
+
+    def damped(self, row: int = 0, most: float = MOST_TIME) -> Iterator[Motion]:
+        """The motion of one platform in an overdamping medium, at its beginning and after each step, until it rests.
+
+        Its last state is then the simulation's.
+
+        Args:
+            row: which.
+            most: its longest duration, in 1/omega.
+        """
+        simulations = self.simulations
+        swing, reach = float(simulations.swing[row]), float(simulations.rest_lengths[row].max())
+        turning = 1 + TURNING * (np.arange(simulations.free) >= simulations.angular.start)
+        drag, steps = 2 * DAMPING * swing * simulations.inertia * turning, 0
+        motion = Motion(
+            simulations, LONGEST / swing, damping=drag, theta=CALM, memory=simulations.memory_of(row), row=row
+        )
+        yield motion
+        while motion.time * swing < most and steps < MOST_STEPS:
+            before = motion.time
+            for _ in motion.steps(LONGEST / swing):
+                steps += 1
+            yield motion
+            speed = np.abs(motion.data.qvel[: simulations.free])
+            speed[simulations.angular] *= simulations.length
+            if not speed.max() > SPEED * swing * reach or motion.time == before:
+                break
+        if np.isfinite(motion.data.qpos).all():
+            simulations.qpos[row] = motion.data.qpos
+
+    def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
+        """Displace ``rows`` along an unstable direction, as any disturbance would, and let them move on."""
+        simulations, at = self.simulations, np.flatnonzero(rows)
+        ways = np.where(directions[at].sum(1) < 0, -1, 1) * NUDGE * simulations.rest_lengths[at].max(1)
+        move = simulations.in_dofs(at, directions[at] * ways[:, None])
+        simulations.qpos[at] = simulations.displaced(simulations.qpos[at], move)
+        self.firmness[at] = FIRMEST
+        self.run(at)
+
+
+def _work(
+    forces: tuple[Float[np.ndarray, "some free"], Float[np.ndarray, "some chains slides"]],
+    carried: Float[np.ndarray, "some chains slides free"],
+    x: Float[np.ndarray, "some free"],
+    slid: Float[np.ndarray, "some chains slides"],
+) -> Float[np.ndarray, " some"]:
+    """Work of forces on platforms and slides, which are carried, per step [J]."""
+    platform, slides = forces
+    return np.vecdot(platform + np.einsum("rcs,rcsf->rf", slides, carried), x) + (slides * slid).sum((1, 2))
