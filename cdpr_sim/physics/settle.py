@@ -60,8 +60,7 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with its own springs, masses and gravity.
             Its names must be those of ``to_mjcf``.
-        progress: show the progress on standard error: where cables have mass it may take a minute. It stops after
-            30,000 time steps, or 2,000 longer ones near equilibrium.
+        progress: show the progress on standard error, where cables have mass.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
@@ -89,7 +88,8 @@ def settle_trajectory(
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
     ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium. Where
-    cables have mass, the motion begins after time 0, at the equilibrium with massless cables.
+    cables have mass, it is a motion in a viscous medium, begins at the equilibrium with massless cables, and its last
+    state is the equilibrium that ``settle`` finds.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.
@@ -112,6 +112,8 @@ def settle_trajectory(
         one = Problems.stack([problem])
         columns, _ = heavy.released(one, settled_without_mass(one), model=model, frames=motion)
         equilibrium = EquilibriumBatch(problems=one, **columns, source="mujoco")[0]
+        step = motion[-1][0] - motion[-2][0]
+        motion.append((motion[-1][0] + step, equilibrium.pose, equilibrium.lengths, equilibrium.tensions))
         times, poses, lengths, tensions = zip(*motion, strict=True)
         commands = Problems.stack([problem] * len(times))
         at = RigidTransform.concatenate(list(poses))
