@@ -95,9 +95,10 @@ class Settling:
         self.run(simulations.all)
         for attempt in range(0 if simulations.held else TRIES):
             left = np.flatnonzero(self.status != Status.CONVERGED)
-            for row in left.tolist():
-                for _ in self.damped(row, SHAKEN * LONGER**attempt):
-                    pass
+            with np.errstate(over="ignore", invalid="ignore"):  # of a motion that becomes unstable
+                for row in left.tolist():
+                    for _ in self.damped(row, SHAKEN * LONGER**attempt):
+                        pass
             self.firmness[left] = 1.0
             self.run(left)
         if not simulations.held:
@@ -137,7 +138,8 @@ class Settling:
                 break
             earlier[live] = residual[live]
             some = ChainDerivatives(*(part[live] for part in derivatives))
-            good, residual[live] = self._step(at[live], some, (modes[0][live], modes[1][live]), residual[live])
+            with np.errstate(over="ignore", invalid="ignore"):  # at trials on the way
+                good, residual[live] = self._step(at[live], some, (modes[0][live], modes[1][live]), residual[live])
             vain[live] = np.where(good, 0, vain[live] + 1)
             if self.say is not None:
                 for row, left in zip(at[live], residual[live], strict=True):
@@ -154,6 +156,7 @@ class Settling:
         x, slid, work = self._direction(at, derivatives, modes, residual)
         move, pulls = simulations.in_dofs(at, x), simulations.anchor_pulls(at)
         move[:, simulations.slides] = slid
+        springs = simulations.bands[at], simulations.stiffnesses[at], simulations.further[at]
         start, share, after = simulations.qpos[at].copy(), np.ones(len(at)), residual.copy()
         good = np.zeros(len(at), dtype=bool)
         low, high, work_low, work_high = np.zeros(len(at)), np.full(len(at), np.inf), work.copy(), np.zeros(len(at))
@@ -164,6 +167,10 @@ class Settling:
             after[left] = simulations.residuals(some)
             loosely = left[~(after[left] <= CLOSER * residual[left])]
             if len(loosely):
+                if simulations.ropes is not None:  # tangents of the laws here, and not at what stretches chains
+                    fields = simulations.bands, simulations.stiffnesses, simulations.further
+                    for field, values in zip(fields, springs, strict=True):
+                        field[at[loosely]] = values[loosely]
                 simulations.lay(at[loosely], pulls[loosely])
                 after[loosely] = simulations.residuals(at[loosely])
             now = _work(simulations.forces(some), derivatives.carried[left], x[left], slid[left])
@@ -213,6 +220,7 @@ class Settling:
             limit = np.maximum(limit, np.abs(x).max(1) / (FAR * simulations.rest_lengths[at].mean(1)))
             x /= np.maximum(limit, 1.0)[:, None]
         slid = alone - (follow @ x[:, None, :, None])[..., 0]
+        slid /= np.maximum(np.abs(slid).max(2) / rest, 1.0)[..., None]  # of a chain that nothing holds: it is laid out
         return x, slid, _work(forces, carried, x, slid)
 
     def _damped(
