@@ -67,8 +67,8 @@ CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as
 """They name the creep of MuJoCo's constraints."""
 
 NAME_A_PROPERTY = {
-    "analysis.workspace.sweep", "jax", "physics.batch", "physics.release", "physics.rope_motion",
-    "physics.motion", "physics.sagging.chain_simulations", "physics.settle", "physics.track",
+    "analysis.workspace.sweep", "jax", "physics.release", "physics.rope_motion",
+    "physics.motion", "physics.settle", "physics.simulations", "physics.track",
     "physics.winches",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""

@@ -1,7 +1,7 @@
-"""Settling of platforms on cables with mass: damped steps in MuJoCo that grow until they are Newton's to equilibrium.
+"""Settling: damped steps of platforms in MuJoCo that grow until they are Newton's to equilibrium.
 
 Only the equilibrium matters and not the time to reach it. A platform with its true mass and inertia sinks in a viscous
-medium: each step is one of this motion, implicit in MuJoCo's own stiffness (``chain_derivatives``),
+medium: each step is one of this motion, implicit in MuJoCo's own stiffness (``derivatives``),
 
     (stiffness + drag/duration) step = forces,
 
@@ -12,20 +12,35 @@ it then has lowered the energy, also where cables become taut within it. Chains 
 Where stiffness is negative, the step has the direction of the forces, which leads away from a saddle.
 
 Rows for which this fails, with chains that are folded, move in damped time steps (``motion``) for a while.
+
+Where no cable has mass, MuJoCo steps many platforms at less cost than Python takes for one step of this kind. So they
+sink in time steps (``dynamic_relaxation``), and only the last steps, close to equilibrium, are Newton's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
-from cdpr_sim.physics.dynamic_relaxation import RESIDUAL, ROUNDING, SPEED
+from cdpr_sim.physics.derivatives import Derivatives
+from cdpr_sim.physics.dynamic_relaxation import SPEED, Frames, Relaxation
 from cdpr_sim.physics.motion import CALM, Motion
-from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
-from cdpr_sim.physics.sagging.chain_simulations import TURNING, ChainSimulations, Rows
+from cdpr_sim.physics.simulations import TURNING, Observation, Rows, Simulations
+
+RESIDUAL = 1e-9
+"""Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
+larger)."""
+
+ROUNDING = 2 * np.finfo(float).eps
+"""Relative accuracy of a cable's force, in EA: the rounding of a length, times EA/l0."""
+
+NUDGES = 3
+"""Number of pushes of a platform that is balanced on a saddle. One that returns each time counts as stable after
+all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
 
 STEPS = 100
 """Steps in turn after which a platform moves in damped time steps, or counts as not converging: ten are usual, and 41
@@ -51,7 +66,7 @@ TURN, FAR = 0.3, 0.3
 OVERSHOOT = 0.5
 """A step is shortened while the work at its end is below minus this fraction of that at its beginning."""
 
-SHORTER, VAIN = 20, 4
+SHORTER, VAIN = 10, 4
 """Largest number of times that a step is shortened; and of failed steps in turn after which a row is given up."""
 
 DAMPING, LONGEST, MOST_TIME = 1.5, 0.1, 1e3
@@ -66,8 +81,46 @@ CLOSER, QUICK = 0.5, 0.1
 """A step that leaves less than these fractions of the residual is a good one; and the next one takes the same
 derivatives again, which cost as much as many steps."""
 
+NEAR, MOST_NEAR = 1e-3, 20
+"""Where a motion chooses the equilibrium: longest first step of Newton's method, as a fraction of the mean cable
+length, since another equilibrium may be as near; and its largest number of steps, of which one to three are usual."""
+
+DEFINITE = 1e-7
+"""Smallest eigenvalue of a stiffness that counts as positive there, as a fraction of the largest: the error of
+differences to one side. In a direction of less stiffness, the motion alone determines where the platform stops."""
+
 Modes = tuple[Float[np.ndarray, "some chains slides"], Float[np.ndarray, "some chains slides slides"]]
 """Eigenvalues [N/m] and vectors of the chains' stiffness."""
+
+
+@dataclass(frozen=True)
+class Reading(Observation):
+    """State of each row at zero velocity, from MuJoCo, with residual and stiffness."""
+
+    residuals: Float[np.ndarray, " rows"]
+    eigenvalues: Float[np.ndarray, "rows free"]
+    softest: Float[np.ndarray, "rows free"]
+    off_wheel: Bool[np.ndarray, " rows"]
+
+    @classmethod
+    def of(cls, simulations: Simulations) -> Reading:
+        """At the present coordinates."""
+        rows = simulations.all
+        residuals = simulations.residuals(rows)
+        off_wheel = simulations.off_wheel(rows)
+        eigenvalues, softest = Derivatives.of(simulations, rows).stiffness()
+        return cls(
+            **vars(simulations.observe(rows)),
+            residuals=residuals,
+            eigenvalues=eigenvalues,
+            softest=softest,
+            off_wheel=off_wheel,
+        )
+
+    @property
+    def unstable(self) -> Bool[np.ndarray, " rows"]:
+        """Which rows are not stable: where they rest, they are at a saddle."""
+        return self.eigenvalues[:, 0] < -NEUTRAL * np.abs(self.eigenvalues).max(1)
 
 
 class Settling:
@@ -76,19 +129,82 @@ class Settling:
     Args:
         simulations: the platforms, where they begin.
         say: is called from time to time with a row and its progress as text.
+        frames: collects the motion of the first row on massless cables, which is then not ended by Newton's method.
     """
 
-    def __init__(self, simulations: ChainSimulations, say: Callable[[int, str], None] | None = None) -> None:
+    def __init__(
+        self,
+        simulations: Simulations,
+        say: Callable[[int, str], None] | None = None,
+        frames: Frames | None = None,
+    ) -> None:
         self.simulations, self.say = simulations, say
         rows = len(simulations.all)
-        stiffest = (simulations.springs * simulations.bands[..., 1])[:, simulations.tendons].max(1)
-        load = simulations.load
-        self.target = np.minimum(np.maximum(RESIDUAL * load, ROUNDING * stiffest), ACCEPTABLE * load)
+        self.target = np.zeros(rows)
+        self._aim(simulations.all)
         self.steps, self.status = np.zeros(rows, dtype=int), np.full(rows, Status.ITERATION_LIMIT.value)
-        self.firmness, self.least = np.full(rows, FIRMEST), np.zeros(rows)
+        self.firmness, self.least = np.full(rows, FIRMEST if simulations.heavy else 0.0), np.zeros(rows)
+        self.relaxation = None
+        if not simulations.heavy:
+            self.relaxation = Relaxation(simulations, self.target, self.steps, self.status, self.finish, frames)
 
-    def settle(self) -> None:
-        """Bring all rows to rest, then divide their chains where they bend."""
+    def _aim(self, at: Rows) -> None:
+        """The largest unbalanced force of an equilibrium, with these springs."""
+        simulations, rest, load = self.simulations, self.simulations.rest_lengths[at], self.simulations.load[at]
+        if simulations.heavy:  # coordinates are as long as a cable
+            stiffest = simulations.stiffnesses[at][:, simulations.chains.segments].max((1, 2)) * rest.max(1)
+        else:
+            stiffest = (simulations.stiffnesses[at][:, simulations.single] * rest).max(1)
+        rounding = ROUNDING * simulations.unit * stiffest
+        self.target[at] = np.minimum(np.maximum(RESIDUAL * load, rounding), ACCEPTABLE * load)
+
+    def settle(self) -> dict[str, np.ndarray]:
+        """Bring all rows to rest; columns of an ``EquilibriumBatch`` there."""
+        if self.relaxation is None:
+            self._sag()
+            reading = self._read()
+        else:
+            self.relaxation.run()
+            reading = self._read()
+            lost = reading.off_wheel
+            if len(self.simulations.swivels):
+                lost = lost | (self.status == Status.DIVERGED)
+            if lost.any():  # below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's
+                self.relaxation.again(lost)
+                reading = self._read()
+            unstable = self.relaxation.finished & (self.status == Status.CONVERGED) & reading.unstable
+            if unstable.any():  # the motion chooses the equilibrium, and would not have stopped there
+                self.relaxation.resume(unstable)
+                reading = self._read()
+        for _ in range(NUDGES):
+            saddles = (self.status == Status.CONVERGED) & reading.unstable
+            if not saddles.any():
+                break
+            self._nudge(saddles, reading.softest)
+            reading = self._read()
+        robot = self.simulations.robot
+        beyond = robot.cabling.beyond_law(reading.lengths, self.simulations.rest_lengths).any(1)
+        self.status[beyond] = Status.OVERSTRAINED
+        # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
+        self.status[reading.off_wheel] = Status.OFF_WHEEL
+        names = ("positions", "rotations", "lengths", "tensions", "residuals")
+        read = {name: getattr(reading, name) for name in names}
+        return read | {"stiffness": reading.eigenvalues, "iterations": self.steps, "status": self.status}
+
+    def _read(self) -> Reading:
+        if self.relaxation is not None:
+            self.simulations.qpos[:] = self.relaxation.qpos
+        return Reading.of(self.simulations)
+
+    def settle_held(self) -> Bool[np.ndarray, " rows"]:
+        """Bring the chains of platforms that are held to rest; returns where that succeeds."""
+        self.simulations.hold()
+        self._sag()
+        self.simulations.held = False
+        return self.status == Status.CONVERGED
+
+    def _sag(self) -> None:
+        """Bring platforms on chains to rest, then divide the chains where they bend."""
         simulations = self.simulations
         simulations.residuals(simulations.all)
         simulations.lay(simulations.all, simulations.expected_pulls(simulations.all))
@@ -110,46 +226,93 @@ class Settling:
                 self.status[lost[self.status[lost] != Status.CONVERGED]] = Status.OFF_WHEEL
         at = simulations.divide_at_bends(np.flatnonzero(self.status == Status.CONVERGED))
         if len(at):
+            self._aim(at)
             self.firmness[at] = 0.0
             self.run(at)
 
     def run(self, at: Rows) -> None:
         """Move rows until each is in equilibrium, or given up."""
-        simulations, free = self.simulations, self.simulations.free
-        rows, chains, slides = len(at), *simulations.slides.shape
-        shapes = (free, free), (chains, slides, free), (chains, slides, slides), (chains, slides, free)
-        derivatives = ChainDerivatives(*(np.zeros((rows, *shape)) for shape in shapes))
-        modes, known = (np.zeros((rows, chains, slides)), np.zeros_like(derivatives.within)), np.ones(rows, dtype=bool)
-        earlier, vain, limit = np.zeros(rows), np.zeros(rows, dtype=int), self.steps[at] + STEPS
+        reached, known = self._newton(at)
+        self.status[at] = np.where(reached, Status.CONVERGED, Status.ITERATION_LIMIT)
+        self.status[at[~known]] = Status.DIVERGED
+
+    def finish(self, at: Rows) -> Bool[np.ndarray, " some"]:
+        """Move rows to the equilibria beside them; those that Newton's method does not reach are put back."""
+        simulations, steps = self.simulations, self.steps[at]
+        qpos, qvel = simulations.qpos[at], simulations.qvel[at]
+        reached, _ = self._newton(at, near=True)
+        left = at[~reached]
+        simulations.qpos[left], simulations.qvel[left] = qpos[~reached], qvel[~reached]
+        self.steps[left] = steps[~reached]
+        return reached
+
+    def _newton(self, at: Rows, *, near: bool = False) -> tuple[Bool[np.ndarray, " some"], Bool[np.ndarray, " some"]]:
+        """``run``; returns which rows are in equilibrium, and where forces were finite.
+
+        If equilibria have to be ``near``, rows are given up where a step is not short.
+        """
+        simulations, rows, derivatives = self.simulations, len(at), None
+        chains, slides = simulations.slides.shape
+        modes = np.zeros((rows, chains, slides)), np.zeros((rows, chains, slides, slides))
+        known = np.ones(rows, dtype=bool)
+        earlier, vain = np.full(rows, -1.0), np.zeros(rows, dtype=int)
+        limit = self.steps[at] + (MOST_NEAR if near else STEPS)
         residual = simulations.residuals(at)
         while True:
-            going = known & ~(residual <= self.target[at]) & (self.steps[at] < limit) & (vain < VAIN)
+            going = known & (self.steps[at] < limit) & (vain < (1 if near else VAIN))
+            going &= ~(residual <= self.target[at]) | (near & (earlier < 0))  # one that is near may be in passing
             stale = np.flatnonzero(going & ~(residual <= QUICK * earlier))
             if len(stale):
-                fresh = ChainDerivatives.of(simulations, at[stale], quick=True)
+                fresh = Derivatives.of(simulations, at[stale], quick=True)
                 known[stale] = fresh.known
+                if derivatives is None:
+                    derivatives = Derivatives(*(np.zeros((rows, *part.shape[1:])) for part in fresh))
                 for whole, part in zip(derivatives, fresh, strict=True):
                     whole[stale] = part
                 finite = stale[fresh.known]
                 within = derivatives.within[finite]
-                modes[0][finite], modes[1][finite] = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
+                if within.size:
+                    modes[0][finite], modes[1][finite] = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
             live = np.flatnonzero(going & known)
-            if not len(live):
+            if derivatives is None or not len(live):
                 break
             earlier[live] = residual[live]
-            some = ChainDerivatives(*(part[live] for part in derivatives))
+            some = Derivatives(*(part[live] for part in derivatives))
             with np.errstate(over="ignore", invalid="ignore"):  # at trials on the way
-                good, residual[live] = self._step(at[live], some, (modes[0][live], modes[1][live]), residual[live])
+                if near:
+                    good, residual[live] = self._short_step(at[live], some.direct, residual[live])
+                else:
+                    modal = modes[0][live], modes[1][live]
+                    good, residual[live] = self._step(at[live], some, modal, residual[live])
             vain[live] = np.where(good, 0, vain[live] + 1)
             if self.say is not None:
                 for row, left in zip(at[live], residual[live], strict=True):
                     load = simulations.load[row]
                     self.say(int(row), f"{self.steps[row]} steps, {left:.1e} N of {load:.3g} N unbalanced")
-        self.status[at] = np.where(residual <= self.target[at], Status.CONVERGED, Status.ITERATION_LIMIT)
-        self.status[at[~known]] = Status.DIVERGED
+        return (residual <= self.target[at]) & ~(near & ((vain > 0) | ~known)), known
+
+    def _short_step(
+        self, at: Rows, stiffness: Float[np.ndarray, "some free free"], residual: Float[np.ndarray, " some"]
+    ) -> tuple[Bool[np.ndarray, " some"], Float[np.ndarray, " some"]]:
+        """One step to an equilibrium that is near; whether it is one, and the residual after it [N].
+
+        It is none where the stiffness is not positive definite, the step is long, or it does not halve the force: a
+        cable has become slack or taut.
+        """
+        simulations = self.simulations
+        values = np.linalg.eigvalsh((stiffness + stiffness.swapaxes(1, 2)) / 2)
+        usable = values[:, 0] > DEFINITE * values[:, -1]
+        x = np.zeros((len(at), simulations.free))
+        x[usable] = np.linalg.solve(stiffness[usable], simulations.forces(at)[0][usable, :, None])[..., 0]
+        usable &= np.abs(x).max(1) <= NEAR * simulations.rest_lengths[at].mean(1)
+        x[~usable] = 0
+        simulations.qpos[at] = simulations.displaced(simulations.qpos[at], simulations.in_dofs(at, x))
+        self.steps[at] += 1
+        after = simulations.residuals(at)
+        return usable & ((after <= CLOSER * residual) | (after <= self.target[at])), after
 
     def _step(
-        self, at: Rows, derivatives: ChainDerivatives, modes: Modes, residual: Float[np.ndarray, " some"]
+        self, at: Rows, derivatives: Derivatives, modes: Modes, residual: Float[np.ndarray, " some"]
     ) -> tuple[Bool[np.ndarray, " some"], Float[np.ndarray, " some"]]:
         """One step; whether it lowers the energy, and the residual after it [N]."""
         simulations = self.simulations
@@ -171,8 +334,13 @@ class Settling:
                     fields = simulations.bands, simulations.stiffnesses, simulations.further
                     for field, values in zip(fields, springs, strict=True):
                         field[at[loosely]] = values[loosely]
+                ahead, there = after[loosely], simulations.qpos[at[loosely]]
                 simulations.lay(at[loosely], pulls[loosely])
                 after[loosely] = simulations.residuals(at[loosely])
+                worse = after[loosely] > ahead  # at the limit of rounding, where chains are not laid out more precisely
+                if worse.any():
+                    simulations.qpos[at[loosely[worse]]] = there[worse]
+                    after[loosely[worse]] = simulations.residuals(at[loosely[worse]])
             now = _work(simulations.forces(some), derivatives.carried[left], x[left], slid[left])
             band = OVERSHOOT * work[left]
             over, under = ~(now >= -band), (now > band) & np.isfinite(high[left])
@@ -197,10 +365,10 @@ class Settling:
         return good | (share > 0) & (low > 0), after
 
     def _direction(
-        self, at: Rows, derivatives: ChainDerivatives, modes: Modes, residual: Float[np.ndarray, " some"]
+        self, at: Rows, derivatives: Derivatives, modes: Modes, residual: Float[np.ndarray, " some"]
     ) -> tuple[Float[np.ndarray, "some free"], Float[np.ndarray, "some chains slides"], Float[np.ndarray, " some"]]:
         """The steps of platforms [m], of the slides of their chains [m], and the forces' work per step [J]."""
-        simulations, (direct, across, _, carried) = self.simulations, derivatives
+        simulations, (direct, across, _, carried, _) = self.simulations, derivatives
         platform, slides = forces = simulations.forces(at)
         firmness = self.firmness[at] * np.minimum(1, residual / simulations.load[at])
         # Slack masses are damped as well, in proportion to what a hanging chain resists; nothing is pushed uphill.
@@ -220,7 +388,6 @@ class Settling:
             limit = np.maximum(limit, np.abs(x).max(1) / (FAR * simulations.rest_lengths[at].mean(1)))
             x /= np.maximum(limit, 1.0)[:, None]
         slid = alone - (follow @ x[:, None, :, None])[..., 0]
-        slid /= np.maximum(np.abs(slid).max(2) / rest, 1.0)[..., None]  # of a chain that nothing holds: it is laid out
         return x, slid, _work(forces, carried, x, slid)
 
     def _damped(
@@ -281,9 +448,12 @@ class Settling:
         if np.isfinite(motion.data.qpos).all():
             simulations.qpos[row] = motion.data.qpos
 
-    def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
+    def _nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
         """Displace ``rows`` along an unstable direction, as any disturbance would, and let them move on."""
         simulations, at = self.simulations, np.flatnonzero(rows)
+        if self.relaxation is not None:
+            self.relaxation.nudge(rows, directions)
+            return
         ways = np.where(directions[at].sum(1) < 0, -1, 1) * NUDGE * simulations.rest_lengths[at].max(1)
         move = simulations.in_dofs(at, directions[at] * ways[:, None])
         simulations.qpos[at] = simulations.displaced(simulations.qpos[at], move)
