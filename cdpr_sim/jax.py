@@ -68,10 +68,7 @@ def solve(
     exits: ArrayLike | jax.Array | None = None,
     anchors: ArrayLike | jax.Array | None = None,
     center_of_mass: ArrayLike | jax.Array | None = None,
-    pulley_radius: ArrayLike | jax.Array | None = None,
-    winch_to_exit: ArrayLike | jax.Array | None = None,
-    linear_density: ArrayLike | jax.Array | None = None,
-    stiffening: ArrayLike | jax.Array | None = None,
+    **properties: ArrayLike | jax.Array | None,
 ) -> Solution:
     """Static equilibria as a differentiable function of JAX.
 
@@ -93,10 +90,8 @@ def solve(
         exits: (..., cables, 3) [m].
         anchors: (..., cables, 3) [m].
         center_of_mass: (..., 3) [m].
-        pulley_radius: (..., cables) [m]; of robots with pulleys.
-        winch_to_exit: (..., cables) [m]; of robots with rope between winches and exits.
-        linear_density: (..., cables) [kg/m]; of robots whose cables have mass.
-        stiffening: (..., cables, 2), a2 and a3; of robots with nonlinear cables.
+        properties: of robots whose cables have them, by name and in the units of ``Robot``, (..., cables) or (...,
+            cables, 2): those by which ``sensitivity`` has derivatives, as ``linear_density``.
 
     Returns:
         Positions [m], rotation matrices and tensions [N].
@@ -116,9 +111,7 @@ def solve(
     given = {
         "rest_lengths": rest_lengths, "external_wrench": external_wrench, "axial_stiffness": axial_stiffness,
         "mass": mass, "exits": exits, "anchors": anchors, "center_of_mass": center_of_mass,
-        "pulley_radius": pulley_radius, "winch_to_exit": winch_to_exit, "linear_density": linear_density,
-        "stiffening": stiffening,
-    }  # fmt: skip
+    } | properties  # fmt: skip
     values = {name: jnp.asarray(value, dtype=float) for name, value in given.items() if value is not None}
     if "axial_stiffness" in values and values["axial_stiffness"].ndim == 0:
         values["axial_stiffness"] = jnp.broadcast_to(values["axial_stiffness"], (robot.cables,))

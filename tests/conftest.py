@@ -39,7 +39,7 @@ COMPILED = {
 }  # fmt: skip
 """Whose functions Numba compiles, beside the kernels."""
 
-AT_EVERY_STEP = {"core.pose_path", "physics.tendons", "statics.forces", "statics.derivatives"}
+AT_EVERY_STEP = {"core.pose_path", "physics.cable", "statics.forces", "statics.derivatives"}
 """Or at every step of a search: called so often that a check takes longer than what they do."""
 
 

@@ -59,7 +59,7 @@ the proof say by their own means."""
 
 CABLE_ROOMS = {
     "statics.any_cable", "statics.cable_kernel", "statics.derivatives", "statics.memory_kernel", "statics.memory_law",
-    "physics.chains", "physics.pulleys", "physics.rope_memory", "physics.tendons", "proof.cables",
+    "physics.cable", "physics.chains", "physics.pulleys", "physics.rope_memory", "proof.cables",
 }  # fmt: skip
 """What a cable does, in the terms of each method."""
 
@@ -67,9 +67,7 @@ CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as
 """They name the creep of MuJoCo's constraints."""
 
 NAME_A_PROPERTY = {
-    "analysis.workspace.sweep", "jax", "physics.release", "physics.rope_motion",
-    "physics.motion", "physics.settle", "physics.simulations", "physics.track",
-    "physics.winches",
+    "analysis.workspace.sweep", "physics.simulations", "physics.track", "physics.winches",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 

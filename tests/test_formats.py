@@ -3,6 +3,7 @@
 import inspect
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from inputs import FILES, changed, robot_file, run, said
 
 import cdpr_sim as cdpr
 import mutate_imports
+from cdpr_sim.core.cable import PROPERTIES
 from cdpr_sim.core.robot import FIELDS
 from cdpr_sim.robots import robot_file as fields_of_files
 from cdpr_sim.robots.importers.draft import Draft
@@ -253,7 +255,10 @@ def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
 # Our own
 
 
-EVERYTHING = dict(
+EXAMPLES = {
+    name: tomllib.loads(f"value = {one.example[0]}")["value"] for name, one in PROPERTIES.items() if one.example
+}
+EVERYTHING = EXAMPLES | dict(
     exits=[[0, 0, 1], [1, 0, 1.1], [1 / 7, 0, 1.2]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3], [0, 0, 0.1]],
     axial_stiffness=[1e3, 2e4, 3e3 / 7], mass=0.1, linear_density=[0, 0.01, 0], pulley_radius=[0.01, 0, 0],
     pulley_axis=[[0.3, 0, 0.7], [1, 0, 0], [0, 0, 1]], stiffening=[(1, 2), (1 / 3, 0), (0, 0)], force_min=[1, 2, 0],
@@ -265,7 +270,7 @@ EVERYTHING = dict(
     from_material={}, pretension=1 / 3,
     description='tab\tand "quote" and new\nline', source="π", notes=("a remark",),
 )  # fmt: skip
-"""Each field of a robot, with numbers of its own, and letters that need care."""
+"""Each field of a robot, with numbers of its own, or those of the template; and letters that need care."""
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from cdpr_sim.analysis.workspace.sweep import QUANTITIES
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import settled_quantities
 from cdpr_sim.crosscheck.check import COMPARED, OUTCOMES
-from cdpr_sim.physics import tendons
+from cdpr_sim.physics import cable
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE
 
 GRID = (7, 5, 4)
@@ -322,8 +322,8 @@ def test_a_sweep_settles_and_compares_every_pose():
 
 def test_a_sweep_that_settles_another_robot_disagrees(monkeypatch):
     """Negative control: MuJoCo's cables a hundredth stiffer."""
-    springs = tendons.springs
-    monkeypatch.setattr(tendons, "springs", lambda *given: 1.01 * springs(*given))
+    springs = cable.Law.springs
+    monkeypatch.setattr(cable.Law, "springs", lambda *given: cable.Springs(*(1.01 * one for one in springs(*given))))
     swept = cdpr.sweep("cogiro", (2, 2, 2), quantities=["settled"])
     assert {OUTCOMES[code] for code in swept["outcome"].values.ravel()} == {"disagree"}
 

@@ -90,7 +90,8 @@ their least mutual distance, as a fraction of the distance of the nearest."""
 CONVERGED = 1e-12
 """SLSQP ends where a step changes half the squared distance, per squared characteristic length, by less, and the
 unbalanced forces add up to less, per load. Tensions of hundreds of loads are balanced no better than by rounding: with
-a hundredth of it, SLSQP tries up to thirty times as many poses, and poses differ by less than 1e-9 m."""
+a hundredth of it, SLSQP tries up to thirty times as many poses, and poses differ by less than 1e-9 m. With an arm below
+the characteristic length the first is smaller, in proportion: rotations have a smaller share in the distance."""
 
 TOO_FAR = 7.0
 """Translation, in mean cable lengths, at which a search for a stable pose is given up. Of 19 searches of a random robot
@@ -281,7 +282,7 @@ def compensate(
     else:
         reasons = _reasons(any_length, rigid)
     held = any_length.held if idle else np.eye(len(robot.free))
-    found = _nearest(rigid, limits, floor, held, arm, least)
+    found = _nearest(rigid, limits, floor, held, max(arm, LEAST_ARM * robot.characteristic_length), least)
     try:
         reached = newton.solve(Problem.of(robot, commanded, found.rest_lengths, rigid.external_wrench))
     except NotConverged:
@@ -320,7 +321,8 @@ def demand_at(
 
     # The stiffness matrix is affine in the tensions, all taut: one more values than cables determine it.
     # With twice as much, half of the shorter cables would be in front of their exits.
-    most = _tensions_at(problem, pose, 0.5 * forces.geometry(robot, position, rotation).lengths)
+    lengths = forces.geometry(robot, position, rotation).lengths
+    most = _tensions_at(problem, pose, 0.5 * (lengths + robot.cabling.least_lengths))
     some = np.minimum(problem.load or 1.0, 0.5 * most)
     tensions = np.vstack([some, some + np.diag(some)])
     positions, rotations = np.array([position] * len(tensions)), np.array([rotation] * len(tensions))
@@ -341,10 +343,10 @@ def _tensions_at(
     problem: Problem, pose: RigidTransform, least: float | Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, " cables"]:
     """Tensions with which the cables' rest lengths at ``pose`` are the least one, (cables,) [N]; inf without one."""
-    if not np.all(np.asarray(least) > 0):
+    if not np.all(least > problem.robot.cabling.least_lengths):
         return np.full(problem.robot.cables, np.inf)
     lengths = forces.geometry(problem.robot, pose.translation, pose.rotation.as_matrix()).lengths
-    stretching = least + problem.robot.cabling.added
+    stretching = problem.robot.cabling.stretching(np.asarray(least))
     return np.where(lengths < least, -np.inf, cable_law.tension(lengths - least, stretching, problem.robot.cabling.law))
 
 
@@ -483,7 +485,6 @@ def _spread(
     Of many poses those where tensions within limits leave the smallest residual, at some distance from each other.
     """
     robot, free = problem.robot, problem.robot.free
-    arm = max(arm, LEAST_ARM * robot.characteristic_length)
     steps = np.zeros((SAMPLES, 6))
     steps[:, free] = random.normal(size=(SAMPLES, len(free)))
     steps *= radius * (random.random(SAMPLES) ** (1 / len(free)) / np.linalg.norm(steps, axis=1))[:, None]
@@ -576,14 +577,14 @@ def _descend(
         """By how much each cable's length exceeds that of the least rest length."""
         state, _, _ = pulling(unknowns.tobytes())
         strains = _strains(robot, unknowns[count:] * scale)
-        return (state.lengths - least - strains * (least + robot.cabling.added)) / reach
+        return (state.lengths - least - strains * robot.cabling.stretching(np.asarray(least))) / reach
 
     def spare_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "cables unknowns"]:
         state, _, jacobian = pulling(unknowns.tobytes())
         by_step = -robot.cabling.tensions(state.geometry.wrench_matrix).T
         by_step[:, 3:] = by_step[:, 3:] @ jacobian
         softness = 1 / cable_law.tangent(_strains(robot, unknowns[count:] * scale), 1.0, robot.cabling.law)[0]
-        by_tension = np.diag(-(least + robot.cabling.added) * softness * scale / reach)
+        by_tension = np.diag(-robot.cabling.stretching(np.asarray(least)) * softness * scale / reach)
         return np.concatenate([(by_step / units)[:, free], by_tension], axis=1)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
@@ -592,7 +593,7 @@ def _descend(
     if floor is not None:
         constraints.append({"type": "ineq", "fun": lambda unknowns: float(held(unknowns)), "jac": held_slope})
     weights = np.zeros(count + robot.cables)
-    weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
+    weights[:count] = np.repeat([1.0, (arm / reach) ** 2], 3)[free]
 
     def give_up(unknowns: Float[np.ndarray, " unknowns"]) -> None:
         if np.linalg.norm(decoded(unknowns)[0][:3]) > TOO_FAR * problem.rest_lengths.mean():
@@ -607,7 +608,7 @@ def _descend(
             constraints=constraints,
             method="SLSQP",
             callback=None if floor is None else give_up,
-            options={"maxiter": 300, "ftol": CONVERGED},
+            options={"maxiter": 300, "ftol": CONVERGED * min(1.0, arm / reach)},
         )
         if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
             return None

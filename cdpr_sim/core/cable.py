@@ -5,7 +5,7 @@ template, the page), JSON, the sentences of ``core.describe``, what a symmetry o
 that take it into account: all others refuse it. ``Robot`` repeats the names as arguments, and a test compares both.
 
 Each method codes the behaviour of cables itself: the mathematics in ``core.cable_path``, ``core.cable_law`` and
-``statics.catenary``, the MuJoCo side in ``physics.tendons``, ``physics.pulleys`` and ``physics.chains``.
+``statics.catenary``, the MuJoCo side in ``physics.cable``, ``physics.pulleys`` and ``physics.chains``.
 """
 
 # ruff: noqa: RUF009, since a declaration is the same for all robots
@@ -388,6 +388,30 @@ class Cabling(Cables, Frozen):
     def added(self) -> Float[np.ndarray, " cables"]:
         """What stretches besides the rest length, for each part of line, (cables,) [m]."""
         return self.behind
+
+    @cached_property
+    def least_lengths(self) -> Float[np.ndarray, " cables"]:
+        """What every rest length exceeds, (cables,) [m]: what is no rope of it."""
+        return frozen(np.zeros(len(self)))
+
+    def ropes(self, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """Of rest lengths the lengths of rope between exits and anchors, which stretch and weigh, (..., cables) [m]."""
+        return rest_lengths - self.least_lengths
+
+    def stretching(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Float[np.ndarray, "*batch cables"]:
+        """All that stretches of cables with these rest lengths, for each part of line, (..., cables) [m]."""
+        return rest_lengths + self.added
+
+    def refuse_short(self, field: str, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+        """Refuse rest lengths without a rope.
+
+        Raises:
+            InvalidInput: one that does not exceed the least; the message begins with ``field``.
+        """
+        short = ~(rest_lengths > self.least_lengths)
+        if short.any():
+            cable = int(np.argmax(short))
+            raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m, expected more than 0")
 
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.

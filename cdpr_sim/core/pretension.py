@@ -187,7 +187,7 @@ def _pretensioned(
         most = cable_law.largest_tension(robot.cabling.law)
         held = found.balanced & found.within.all(-1) & (found.tensions <= most).all(-1)
         rest, _ = _cut(robot, positions, rotations, np.where(held[:, None], found.tensions, np.abs(found.tensions)))
-        return np.where((held & (rest > 0).all(-1))[:, None], rest, np.nan)
+        return np.where((held & (rest > robot.cabling.least_lengths).all(-1))[:, None], rest, np.nan)
 
 
 def _cut(robot: Robot, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

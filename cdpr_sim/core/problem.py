@@ -97,15 +97,15 @@ class Problem(Posed, HtmlRepr):
             rest = robot.rest_lengths(at)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
-            if not rest.min() > 0:
-                raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
-        shortest = float(_shortest(robot, at.position))
+            robot.cabling.refuse_short("rest_lengths", rest)
+        shortest, field = float(_shortest(robot, at.position)), "pose" if rest_lengths is None else "rest_lengths"
         if not rest.min() > shortest:
             raise InvalidInput(
-                f"{'pose' if rest_lengths is None else 'rest_lengths'}: found a rest length of {rest.min():.1e} m in "
+                f"{field}: found a rest length of {rest.min():.1e} m in "
                 f"cable {int(rest.argmin()) + 1}, expected more than {shortest:.1e} m, a billionth of the robot's "
                 "coordinates, whose rounding would strain it"
             )
+        robot.cabling.refuse_short(field, rest)
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
         if rest_lengths is None and _falls(
@@ -453,10 +453,11 @@ class Problems(Frozen):
 
     @cached_property
     def finite(self) -> Bool[np.ndarray, "*batch"]:
-        """(...) where pose and rest lengths are finite, and no cable is shorter than rounding."""
+        """(...) where pose and rest lengths are finite, and no cable is shorter than rounding or too short."""
         known = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
         with np.errstate(invalid="ignore"):
             long = self.rest_lengths.min(-1) > _shortest(self.robot, self.positions)
+            long &= (self.rest_lengths > self.robot.cabling.least_lengths).all(-1)
         return np.broadcast_to(known & long, self.shape)
 
     @cached_property

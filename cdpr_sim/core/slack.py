@@ -30,7 +30,7 @@ SHARE = 0.01
 def slack_limits(problem: Problem | Problems) -> Float[np.ndarray, "*batch cables"]:
     """Largest pulls on the platform, all parts of line together, with which cables may be slack, (..., cables) [N]."""
     platforms = np.asarray(problem.mass)[..., None] * problem.robot.gravity
-    return np.maximum(problem.cable_weights * problem.rest_lengths, SHARE * platforms)
+    return np.maximum(problem.cable_weights * problem.robot.cabling.ropes(problem.rest_lengths), SHARE * platforms)
 
 
 def slack_cables(

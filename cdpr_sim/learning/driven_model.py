@@ -12,7 +12,8 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.controller import Command
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import tendons, winches
+from cdpr_sim.physics import winches
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.damping import stiffest
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.sensing import Readings
@@ -49,7 +50,7 @@ class DrivenModel:
         self.model = model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=winch_force))
         self.data, self.readings = mujoco.MjData(model), Readings(model, robot)
         self.platform, self._written = model.body("platform").id, robot.rest_lengths(pose)
-        springs = tendons.springs(robot.cabling, robot.axial_stiffness, self._written)
+        springs = Law.of(robot.cabling).springs(self._written).stiffness
         square, mass = stiffest(model, robot, springs)
         drag = damping * model.dof_damping[0] / robot.mass  # [1/s]
         model.dof_damping[: len(mass)] = drag * mass.diagonal()
@@ -68,5 +69,5 @@ class DrivenModel:
 
     def controls(self, rest_lengths: Float[np.ndarray, "*rows cables"]) -> Float[np.ndarray, "*rows cables"]:
         """Controls of the actuators that let out ``rest_lengths`` [m] (``winch_controls``)."""
-        extra = winches.shared(self.robot)
+        extra = Law.of(self.robot.cabling).added
         return winches.controls(self._written + extra, rest_lengths + extra)

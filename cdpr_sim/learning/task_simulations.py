@@ -18,9 +18,9 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.pretension import without_pretension
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning.driven_model import DrivenModel
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.mjcf import place
 from cdpr_sim.physics.sensing import Seen
-from cdpr_sim.physics.winches import lengths_at, strains_of
 
 STEPS = 7
 """Least number of time steps per period of the platform's fastest oscillation: 0.9 of its inverse angular frequency,
@@ -106,7 +106,7 @@ class TaskSimulations:
         self._mean = machine.let_out.mean()
         self._least_time = np.full(count, -0.5 * period)
         self.rest_lengths = np.tile(machine.let_out, (count, 1))
-        self._stiffness = np.tile(robot.axial_stiffness, (count, 1))
+        self._stiffness, self._law = np.tile(robot.axial_stiffness, (count, 1)), Law.of(robot.cabling)
         self.failed = np.zeros(count, dtype=bool)
 
     def begin(
@@ -135,7 +135,8 @@ class TaskSimulations:
         if self._some:
             mujoco.mj_forward(self._scratch, self._data)
             _, lengths, _ = self.machine.readings.of(self._data.sensordata)
-            tensions = (robot.axial_stiffness * strains_of(robot, lengths, rest_lengths)).clip(0, self.largest)
+            tensions = robot.axial_stiffness * Law.of(robot.cabling).strains(lengths, rest_lengths)
+            tensions = tensions.clip(0, self.largest)
             self._ctrl[row] = np.where(self.by_tension, tensions, self._ctrl[row])
         self.batch.forward(ids=[row])
         self._read()
@@ -181,7 +182,7 @@ class TaskSimulations:
         self._read()
         self.rest_lengths = ahead
         if self._some:
-            held = lengths_at(self.robot, self.tensions / self._stiffness, self.lengths)
+            held = self._law.rest_lengths(self.tensions / self._stiffness, self.lengths)
             self.rest_lengths = np.where(by_tension, held, ahead)
         self._least_time += self.period
         # MuJoCo resets a simulation that becomes unstable, its time included.

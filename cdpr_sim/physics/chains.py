@@ -18,7 +18,7 @@ on a crane. The rule is of one order less: a slack chain over a wheel, divided w
 its length where the horizontal tension is a tenth of its weight, and of 1e-5 at ``SHARPEST``. The first segment must
 reach beyond the wheel (``too_short``).
 
-A nonlinear law is that of ``tendons``, for each segment.
+A nonlinear law is that of ``cable``, for each segment.
 
 In a model with winches, or without the damping that lets it settle, one tendon ``cable_1`` through all masses is the
 spring of the whole cable, or what its winch pulls: as ``winches`` says, with one control for each cable. Constraints
@@ -50,7 +50,8 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics import pulleys
+from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia
 
 SEGMENTS = 6
@@ -88,10 +89,6 @@ FLAT = 1e-12
 """Least sine of the angle between a wheel's axis and a chain that leaves it: along the axis, none is outwards."""
 
 
-STRETCHINGS, LEAST_SLOPE = 30, 0.01
-"""Largest number of Newton steps to the stretch of a nonlinear segment, of which a handful suffice; and the least slope
-of its law that they assume, as a fraction of its slope at rest."""
-
 FAR = 1e4
 """Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
@@ -105,8 +102,8 @@ SHALLOWEST = 0.1
 def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
     """Which chains are so short for their wheels that the first mass might touch them."""
     cabling = robot.cabling
-    first = (rest_lengths - robot.wrapped_lengths) / SEGMENTS**2
-    return (cabling.linear_density > 0) & cabling.pulleys & (first < WRAP_MARGIN * cabling.pulley_radius)
+    first = (Law.of(cabling).ropes(rest_lengths) - robot.wrapped_lengths) / SEGMENTS**2
+    return cabling.with_mass & cabling.pulleys & (first < WRAP_MARGIN * cabling.pulley_radius)
 
 
 def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
@@ -170,7 +167,7 @@ def felt_at_exit(cabling: Cabling) -> Bool[np.ndarray, " chains"]:
 
     A wheel or the rope behind feels it, and a memory.
     """
-    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.has_memory)[cabling.linear_density > 0]
+    return (cabling.pulleys | (cabling.behind > 0) | cabling.has_memory)[cabling.with_mass]
 
 
 def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
@@ -196,29 +193,14 @@ def cut(
 
     Of all cables with mass; the default is the ``straight`` division.
     """
-    cables = np.flatnonzero(robot.cabling.linear_density)
+    cables = np.flatnonzero(robot.cabling.with_mass)
     division = straight(felt_at_exit(robot.cabling)) if division is None else division
     wrapped = robot.wrapped_lengths[cables]
-    weighing = (rest_lengths[..., cables] - wrapped)[..., None]
+    weighing = (Law.of(robot.cabling).ropes(rest_lengths)[..., cables] - wrapped)[..., None]
     lengths = division.lengths * weighing
     lengths[..., 0] += wrapped
-    densities = robot.cabling.reeving * robot.cabling.linear_density  # with all parts of line
+    densities = robot.cabling.pulls(robot.cabling.linear_density)  # with all parts of line
     return lengths, densities[cables, None] * weighing * division.masses
-
-
-def segment_springs(
-    cabling: Cabling,
-    axial_stiffness: Float[np.ndarray, "*rows cables"],
-    lengths: Float[np.ndarray, "*rows chains segments"],
-) -> tuple[Float[np.ndarray, "*rows chains segments"], Float[np.ndarray, "*rows chains segments 2"]]:
-    """``stiffness`` and ``stiffnesspoly`` of segments of these lengths; the first stretches with the rope behind it."""
-    cables = np.flatnonzero(cabling.linear_density)
-    parts = cabling.reeving[cables, None]
-    ropes = parts * lengths
-    ropes[..., 0] += cabling.winch_to_exit[cables]
-    stiffness = axial_stiffness[..., cables, None]
-    further = tendons.polynomial(stiffness, cabling.stiffening[cables, None], ropes, parts)
-    return tendons.spring(stiffness, ropes, parts), further
 
 
 def shape(
@@ -278,7 +260,7 @@ def profiles(
     robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"], rest_lengths: Float[np.ndarray, "*rows cables"]
 ) -> Float[np.ndarray, "*rows chains nodes 3"]:
     """Extents of initial profiles from anchor to first mass, base frame, of cables with mass to these ``anchors``."""
-    cables = np.flatnonzero(robot.cabling.linear_density)
+    cables = np.flatnonzero(robot.cabling.with_mass)
     starts, ends = pulleys.departures(robot, anchors)[..., cables, :], anchors[..., cables, :]
     free = (rest_lengths - robot.wrapped_lengths)[..., cables]
     return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling)).lengths)[..., :0:-1, :]
@@ -311,16 +293,16 @@ def add_chains(
         InvalidInput: a cable with too small a mass.
     """
     robot, cabling = problem.robot, problem.robot.cabling
-    cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(cabling)
+    cables, entries = np.flatnonzero(cabling.with_mass), pulleys.entries(cabling)
     coordinates, (divided, points) = (
         extents(robot, problem.pose, problem.rest_lengths),
         cut(robot, problem.rest_lengths),
     )
-    springs = segment_springs(cabling, cabling.axial_stiffness, divided)
-    rows = zip(cables, coordinates, divided, points, *springs, strict=True)
+    springs = Law.of(cabling).some(cables).segments(divided)
+    rows = zip(cables, coordinates, divided, points, springs.stiffness, springs.polynomial, strict=True)
     for cable, extent, lengths, masses, stiffnesses, further in rows:
         i, length = int(cable) + 1, problem.rest_lengths[cable]
-        over, law = bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
+        over, nonlinear = bool(cabling.pulleys[cable]), bool(cabling.nonlinear[cable])
         if masses.min() < LEAST_MASS:
             raise InvalidInput(
                 f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
@@ -343,7 +325,7 @@ def add_chains(
                 tendon,
                 "spatial",
                 {"name": f"cable_{i}_{k}", "class": "cable"},
-                stiffness=None if step is None else [stiffness, *(further[k - 1] if law else [])],
+                stiffness=None if step is None else [stiffness, *(further[k - 1] if nonlinear else [])],
                 springlength=[0, upper],
                 damping=None if step is None else step * stiffness,
             )
@@ -372,7 +354,7 @@ def add_proportions(root: ET.Element, model: mujoco.MjModel, problem: Problem) -
         problem: the robot with the rest lengths of the model.
     """
     robot, cabling = problem.robot, problem.robot.cabling
-    cables = np.flatnonzero(cabling.linear_density)
+    cables = np.flatnonzero(cabling.with_mass)
     divided, _ = cut(robot, problem.rest_lengths)
     behind = pulleys.entries(cabling) + robot.wrapped_lengths
     parent = ET.SubElement(root, "equality")
@@ -399,7 +381,7 @@ def uneven(problem: Problem) -> Float[np.ndarray, " cables"]:
     """
     robot = problem.robot
     rise = robot.exits[:, 2] - problem.pose.apply(robot.anchors)[:, 2]
-    more = robot.cable_weights * rise / 2 / (robot.reeving * robot.axial_stiffness)
+    more = robot.cable_weights * rise / 2 / Law.of(robot.cabling).strained.stiffness
     return (robot.wrapped_lengths + robot.cabling.behind) * more
 
 
@@ -408,7 +390,7 @@ def swinging(problem: Problem, pulls: Float[np.ndarray, " cables"]) -> float:
 
     Of the largest row sum of stiffness over masses; 0 without chains.
     """
-    robot, cables = problem.robot, np.flatnonzero(problem.robot.cabling.linear_density)
+    robot, cables = problem.robot, np.flatnonzero(problem.robot.cabling.with_mass)
     lengths, masses = cut(robot, problem.rest_lengths)
     lengths[:, 0] -= robot.wrapped_lengths[cables]
     across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
@@ -471,7 +453,7 @@ class Chains:
     @classmethod
     def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Chains:
         """The indices, by name."""
-        cables, inwards = np.flatnonzero(cabling.linear_density), range(SEGMENTS - 1, 0, -1)
+        cables, inwards = np.flatnonzero(cabling.with_mass), range(SEGMENTS - 1, 0, -1)
 
         def ids(kind: mujoco.mjtObj, each: int, names: list[str]) -> Int[np.ndarray, "chains each"]:
             found = np.array([mujoco.mj_name2id(model, kind.value, name) for name in names], dtype=int)
@@ -522,7 +504,7 @@ class Chains:
 def hang(
     weights: Float[np.ndarray, "chains points 3"],
     rest_lengths: Float[np.ndarray, "chains segments"],
-    law: tuple[Float[np.ndarray, "chains segments"], ...],
+    springs: Springs,
     radii: Float[np.ndarray, " chains"],
     axes: Float[np.ndarray, "chains 3"],
     pulls: Float[np.ndarray, "chains 3"],
@@ -540,7 +522,7 @@ def hang(
     Args:
         weights: of the masses between segments, and of that at the anchor [N]; from exit to anchor, as all numbers.
         rest_lengths: of the segments [m], the first with what lies on the wheel.
-        law: MuJoCo's stiffness and polynomial of each segment.
+        springs: of the segments, (chains, segments).
         radii: of the wheels, 0 without [m].
         axes: of the wheels.
         pulls: approximate pulls on the anchors [N].
@@ -550,7 +532,7 @@ def hang(
     rest = rest_lengths[:, ::-1, None]
     radii = radii[:, None]
     turned = np.cross(axes[:, None], np.eye(3)).swapaxes(1, 2)  # axes x v = turned @ v
-    law = tuple(number[:, ::-1] for number in law)
+    upwards = springs.some(np.s_[:, ::-1])
     bends = np.ones_like(rest)  # segments whose edges are rounded
     bends[:, -1] = radii == 0
 
@@ -559,8 +541,8 @@ def hang(
         floor = np.maximum(soft[some, None, None] * bends[some], LEAST_PULL)
         size = np.sqrt(np.vecdot(each, each)[..., None] + floor**2)
         along = each / size
-        springs = tuple(number[some] for number in law)
-        stretch, give = stretched(size[..., 0], *springs)
+        springs = upwards.some(some)
+        stretch, give = springs.stretched(size[..., 0])
         reach = rest[some] + stretch[..., None]
         ahead = -np.vecdot(along[..., -1, :], axes[some])[..., None]
         outwards = -along[..., -1, :] - ahead * axes[some]
@@ -571,7 +553,7 @@ def hang(
         segments = reach * along
         off = spans[some] + leaving - segments.sum(-2)
         swivelling = radii[some] * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-        energy = (size * reach).sum((-2, -1)) - tendons.energy(stretch, *springs).sum(-1)
+        energy = (size * reach).sum((-2, -1)) - springs.energy(stretch).sum(-1)
         energy -= np.vecdot(each[..., -1, :], leaving) + np.vecdot(pulls, spans[some])
         turning = reach / size
         slope = turning.sum(1)[..., None] * np.eye(3)
@@ -648,32 +630,3 @@ def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass
     body = add(parent, "body", name=name, pos=position)
     add_inertia(body, mass, LEAST_INERTIA)
     return body
-
-
-def strains(
-    cabling: Cabling, cables: Int[np.ndarray, " some"], pulls: Float[np.ndarray, " some"]
-) -> Float[np.ndarray, " some"]:
-    """Strains of these cables, of all parts of line together, under these pulls [N]."""
-    stiffness = cabling.reeving[cables] * cabling.axial_stiffness[cables]
-    square, cube = (stiffness * coefficient for coefficient in cabling.stiffening[cables].T)
-    return stretched(pulls, stiffness, square, cube)[0]
-
-
-def stretched(
-    pulls: Float[np.ndarray, "*batch"],
-    stiffness: Float[np.ndarray, "*#batch"],
-    square: Float[np.ndarray, "*#batch"],
-    cube: Float[np.ndarray, "*#batch"],
-) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*#batch"]]:
-    """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
-    stretch, slope = pulls / stiffness, stiffness
-    sought = np.ones(np.shape(stretch), dtype=bool)  # no spring has an effect on another one
-    for _ in range(STRETCHINGS if square.any() or cube.any() else 0):
-        force, slopes = tendons.force(stretch, stiffness, square, cube)
-        slope = np.where(sought, np.maximum(slopes, LEAST_SLOPE * stiffness), slope)
-        step = np.where(sought, (force - pulls) / slope, 0.0)
-        stretch = np.maximum(stretch - step, 0)
-        sought &= np.abs(step) > CLOSED * stretch
-        if not sought.any():
-            break
-    return stretch, 1 / slope

@@ -19,6 +19,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import chains, pulleys, tendons
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.damping import (
     STEPS,
     Damping,
@@ -156,7 +157,7 @@ def to_mjcf(
     tendon = tendons.add_tendons(root, problem, resisting, wound=driven, nodes=count, uneven=uneven)
     nodes = chains.add_chains(world, platform, tendon, problem, resisting, calmed)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
-    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
+    springs = Law.of(robot.cabling).springs(problem.rest_lengths).stiffness
     if kind:
         add_drums(world, robot, springs)
     if factor is None:

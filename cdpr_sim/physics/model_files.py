@@ -12,6 +12,7 @@ from cdpr_sim.core.files import appearing, refuse_irregular
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.cable import in_words
 from cdpr_sim.physics.damping import Damping, loss_factor
 from cdpr_sim.physics.mjcf import scene_mjcf, settling_air, to_mjcf
 from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
@@ -63,6 +64,7 @@ def model_files(
     """
     problem = robot if isinstance(robot, Problem) else Problem.of(robot, robot.home if pose is None else pose)
     robot, (x, y, z) = problem.robot, problem.pose.translation
+    law, _ = in_words(robot.cabling)
     readme = f"""# {robot.name}
 
 {robot.description or "A cable-driven parallel robot"}: {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg.
@@ -74,7 +76,7 @@ def model_files(
 {WINCHES if winches else ""}
 Source: {robot.source or "not given"}.
 
-Cables: {_cables(robot)}. They pull and never push: tension is {_law(robot)} beyond the rest length l0, else zero.
+Cables: {_cables(robot)}. They pull and never push: tension is {law} beyond the rest length l0, else zero.
 
 Damping: {_damped(problem, damping)}
 
@@ -148,9 +150,8 @@ def _winch_guide(robot: Robot) -> str:
         meaning = "L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %"
     else:
         meaning = "L/l0 - 1, or for a nonlinear cable the length that its drum draws in [m]"
-    behind = ""
-    if not robot.cabling.direct:
-        behind = "# With a rope g from winch to exit and n parts of line, g/n is added to L and l0.\n"
+    added = in_words(robot.cabling)[1]
+    behind = f"# {added}\n" if added else ""
     sagging = "" if robot.cabling.massless else f"\n{SAGGING.rstrip()}"
     return f"""## winch.xml: the same robot, driven by its winches
 
@@ -227,13 +228,3 @@ def _limits(robot: Robot) -> str:
 def _cables(robot: Robot) -> str:
     material = [robot.material] if robot.material else []
     return ", ".join([*material, describe_stiffness(robot, "N"), *describe_properties(robot)])
-
-
-def _law(robot: Robot) -> str:
-    parts, shared = "", "l0"
-    if not robot.cabling.direct:
-        parts, shared = "n ", "(l0 + g/n)"
-    law = f"{parts}EA (l - l0)/{shared}"
-    if not robot.cabling.linear:
-        law = f"{parts}EA (eps + a2 eps² + a3 eps³), eps = (l - l0)/{shared},"
-    return law + (" with n parts of line and g from winch to exit" if parts else "")

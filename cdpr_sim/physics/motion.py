@@ -36,8 +36,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.physics import tendons, winches
-from cdpr_sim.physics.chains import ChainDivision, cut, plucked, segment_springs, strains
+from cdpr_sim.physics.cable import Law, Springs
+from cdpr_sim.physics.chains import ChainDivision, cut, plucked
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.simulations import SHORTEST_FREE, UNUSED, Observation, Simulations, matrices
 
@@ -142,7 +142,7 @@ class Motion:
         others[simulation.tendons] = False
         self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
         self._springs = model.tendon_lengthspring[:, 1], model.tendon_stiffness
-        self._linear = self.robot.cabling.linear
+        self._law, self._linear = Law.of(self.robot.cabling), self.robot.cabling.linear
         self._resilient = not (self._heavy or self._cable_damping or len(simulation.with_memory))  # springs alone
         self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
         self._foreign = simulation.first[simulation.with_memory]
@@ -255,20 +255,21 @@ class Motion:
         """Springs and masses for these rest lengths: all segments of a chain change alike."""
         if rest is self._wound:
             return
-        model, simulation, robot, cabling = self.model, self.simulation, self.robot, self.robot.cabling
+        model, simulation, robot = self.model, self.simulation, self.robot
         self._wound, single, some = rest, simulation.single, simulation.massless
-        bands, stiffness = rest + simulation.entries, tendons.springs(cabling, robot.axial_stiffness, rest)
+        bands, springs = rest + simulation.entries, self._law.springs(rest)
+        stiffness = springs.stiffness
         if self._plain:
             self._bands, self._stiffness = bands, stiffness
         else:
             self._bands[single], self._stiffness[single] = bands[some], stiffness[some]
         if not self._linear:
-            self._further[single] = tendons.polynomials(cabling, robot.axial_stiffness, rest)[some]
+            self._further[single] = springs.polynomial[some]
         if self._heavy:
             chains = self._chains
             lengths, masses = cut(robot, rest[None], self._division)
-            stiffness, further = segment_springs(cabling, robot.axial_stiffness[None], lengths)
-            self._stiffness[chains.segments], self._further[chains.segments] = stiffness[0], further[0]
+            segments = self._law.some(chains.cables).segments(lengths[0])
+            self._stiffness[chains.segments], self._further[chains.segments] = segments.stiffness, segments.polynomial
             lengths[..., 0] += chains.entries
             self._bands[chains.segments] = lengths[0]
             model.body_mass[chains.nodes], model.body_mass[chains.ends] = masses[0, :, -2::-1], masses[0, :, -1]
@@ -327,7 +328,7 @@ class Motion:
             slope = taut * self._stiffness
             pull = slope * stretch
         else:
-            pull, slope = tendons.force(taut * stretch, self._stiffness, *self._further.T)
+            pull, slope = Springs(self._stiffness, *self._further.T).force(taut * stretch)
             slope *= taut
         resisting, extra = None, None
         if self._theta is not None:
@@ -353,7 +354,7 @@ class Motion:
         elif self._some_motors:
             extra = np.zeros_like(pull) if extra is None else extra
             which = self.motors[simulation.massless]
-            held, wanted = simulation.single[which], (self.robot.reeving * self.tensions)[simulation.massless][which]
+            held, wanted = simulation.single[which], self.robot.cabling.pulls(self.tensions)[simulation.massless][which]
             extra[held] = wanted - pull[held]
             pull[held], drag[held] = wanted, 0.0
             if resisting is not None:
@@ -429,7 +430,7 @@ class Motion:
             tensions[chains.cables] = np.linalg.norm(pulls[chains.segments[:, -1], None] * along + weight, axis=1)
             lengths[chains.cables] = self._chords()
         at, turned = data.xpos[self.platform].copy(), data.xmat[self.platform].reshape(3, 3).copy()
-        return Observation(at[None], turned[None], lengths[None], (tensions / robot.reeving)[None])
+        return Observation(at[None], turned[None], lengths[None], robot.cabling.tensions(tensions)[None])
 
     def _chords(self) -> Float[np.ndarray, " chains"]:
         """Lengths of cables with mass, over wheels that face the anchors [m]."""
@@ -452,12 +453,12 @@ class Motion:
         all others follow it. With the present lengths of massless cables, and those of chains to which present
         velocities lead.
         """
-        simulation, robot, data, every = self.simulation, self.robot, self.data, np.arange(self.robot.cables)
+        simulation, robot, data = self.simulation, self.robot, self.data
         lengths = self._lengths if self._theta is None else self._lengths + step * (self._jacobian @ self._qvel)
-        spans, pulls = lengths[simulation.first] - simulation.entries, robot.reeving * tensions
+        spans, pulls = lengths[simulation.first] - simulation.entries, robot.cabling.pulls(tensions)
         if self._ropes is not None:
             return self._ropes.under(spans, tensions, step).rest_lengths
-        wanted = winches.lengths_at(robot, strains(robot.cabling, every, pulls), spans)
+        wanted = self._law.rest_lengths(self._law.strained.stretched(pulls)[0], spans)
         if self._heavy:
             chains = self._chains
             along = data.xpos[chains.nodes[:, 0]] - data.xpos[chains.ends]
@@ -467,5 +468,7 @@ class Motion:
             needed = hung * rise + np.sqrt(np.maximum(needed**2 - hung**2 * (1 - rise**2), 0))
             wrapped, last = robot.wrapped_lengths[chains.cables], self._division.lengths[0, :, -1]
             ends = lengths[chains.segments[:, -1]]
-            wanted[chains.cables] = wrapped + ends / (last * (1 + strains(robot.cabling, chains.cables, needed)))
+            law, rigid = self._law.some(chains.cables), robot.cabling.least_lengths[chains.cables]
+            strains, _ = law.strained.stretched(needed)
+            wanted[chains.cables] = rigid + wrapped + law.ropes(ends) / (last * (1 + strains))
         return wanted

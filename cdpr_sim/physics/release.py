@@ -11,14 +11,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import tendons
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.derivatives import Derivatives
 from cdpr_sim.physics.drive import duration
@@ -115,8 +114,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
         step = simulation.in_dofs(row, nudge)
         step[:, simulation.slides] = derivatives.following(nudge)
         simulation.qpos[:] = simulation.displaced(simulation.qpos, step)
-        stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
-        springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths) * stiffer
+        springs = Law.of(robot.cabling).steepest(problem.rest_lengths)
         motion = Motion(simulation, min(FINEST / _fastest(springs, equilibrium), WATCHED))
         largest_deviation = NUDGE
         while motion.time < seconds and largest_deviation < LEAVES * NUDGE:

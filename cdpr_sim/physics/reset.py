@@ -16,6 +16,7 @@ from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import refuse_out_of_plane
+from cdpr_sim.physics.cable import Springs
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
@@ -283,7 +284,7 @@ class _Parts:
         stretching = fractions * ropes[cables, None]  # in proportion, also for what lies on the wheel and behind
         ratio = self.written[cables, None] / stretching
         further = np.moveaxis(model.tendon_stiffnesspoly[self.cables[cables]], -1, 0)[..., None]
-        law = (self.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
+        springs = Springs(self.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
         bodies = np.concatenate([self.nodes, self.ends[:, None]], axis=1)
         written = model.body_mass[bodies][..., None] * model.opt.gravity
         added = written * (scale - 1)[:, None, None]
@@ -294,7 +295,7 @@ class _Parts:
         strains = (data.ten_length[self.direct[cables]] - ENTRY * radii) / rest.sum(1) - 1
         whole, stiffness = (written + added).sum(1), self.stiffnesses[cables]
         guess = expected_pulls(spans, strains, stiffness, whole)
-        found, reached = hang(written + added, rest, law, radii, axes, guess, spans)
+        found, reached = hang(written + added, rest, springs, radii, axes, guess, spans)
         folded = ~reached  # near where they hang
         found[folded] = shape(-spans[folded], 0 * spans[folded], rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
         slides = model.body_jntadr[self.nodes[:, ::-1]][..., None] + np.arange(3)

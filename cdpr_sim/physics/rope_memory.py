@@ -36,9 +36,9 @@ from jaxtyping import Bool, Float
 from mujoco.batch import Batch
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.memory import Memory
-from cdpr_sim.physics import tendons
-from cdpr_sim.physics.chains import stretched
+from cdpr_sim.core.memory import Memory, without_memory
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.cable import Law, Springs
 
 PerCable: TypeAlias = Float[np.ndarray, "rows cables"]
 PerElement: TypeAlias = Float[np.ndarray, "rows cables elements"]
@@ -63,9 +63,15 @@ def _friction(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     return np.where(cabling.behind > 0, cabling.pulley_friction, 0.0)
 
 
-def largest_ratio(friction: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
-    """Largest ratio rho of the tensions before and behind an exit, with this c; the least one is 1/rho."""
+def largest_ratio(cabling: Cabling) -> Float[np.ndarray, " cables"]:
+    """Largest ratio rho of the tensions before and behind an exit; the least one is 1/rho."""
+    friction = cabling.pulley_friction
     return (1 + friction / 2) / (1 - friction / 2)
+
+
+def from_exit_on(robot: Robot) -> Robot:
+    """The robot with the ropes from their exits on: without friction, and without rope behind."""
+    return without_memory(robot).replace(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
 
 
 def add_elements(spec: mujoco.MjSpec, cabling: Cabling) -> None:
@@ -82,8 +88,8 @@ def add_elements(spec: mujoco.MjSpec, cabling: Cabling) -> None:
                     element.wrap_geom(part.target.name, part.sidesite.name)
 
 
-class Springs(NamedTuple):
-    """Springs of cables at their present stretches.
+class Parts(NamedTuple):
+    """Springs and elements of cables at their present stretches.
 
     Attributes:
         pull, slope: of the own spring [N, N/m].
@@ -115,16 +121,17 @@ class RopeStep:
 
     Attributes:
         cabling: the cables.
+        law: theirs without a memory.
         rest_lengths: from exit to anchor, (rows, cables) [m].
+        beyond: the rope in these, (rows, cables) [m].
         ropes: with the part behind the exit, L, (rows, cables) [m].
-        own: stiffness of the cable's own spring, (rows, cables) [N/m].
+        own: the cable's own spring, (rows, cables).
         elements: stiffness of each element, (rows, cables, elements) [N/m]; friction is the last.
         yields: its largest stretch, (rows, cables, elements) [m].
         widths: its largest stretch as a fraction of the cable's, (rows, cables, elements).
         free: stretch of the cable at which it is free, z, (rows, cables, elements) [m].
         middle: slope of the pull between those of a rope that slides out and in, (rows, cables) [N/m].
         rubbing: the cable's stiffness while the rope sticks at its exit, EA/l0, (rows, cables) [N/m].
-        square, cube: coefficients of the own spring's further terms, (rows, cables) [N/m², N/m³]; 0 if linear.
         gripped: which nonlinear cables rub at their exits, (rows, cables): the numbers of their friction's element
             depend on the stretch.
         kept: stretch of the rope behind the exit while the rope sticks there, (rows, cables) [m].
@@ -135,17 +142,17 @@ class RopeStep:
     """
 
     cabling: Cabling
+    law: Law
     rest_lengths: PerCable
+    beyond: PerCable
     ropes: PerCable
-    own: PerCable
+    own: Springs
     elements: PerElement
     yields: PerElement
     widths: PerElement
     free: PerElement
     middle: PerCable
     rubbing: PerCable
-    square: PerCable
-    cube: PerCable
     gripped: Bool[np.ndarray, "rows cables"]
     kept: PerCable
     beside: PerCable
@@ -166,12 +173,13 @@ class RopeStep:
         Friction lets the rope's tension before the exit differ from that behind it by factors within [1/rho, rho]. The
         rope pulls by ``most`` per stretch where it slides out, and by ``least`` where it slides in.
         """
-        parts = cabling.reeving * axial_stiffness
-        behind, ropes = cabling.behind, rest_lengths + cabling.behind
+        law = Law.of(cabling, axial_stiffness)
+        parts, behind, beyond = law.strained.stiffness, law.behind, law.ropes(rest_lengths)
+        ropes = beyond + behind
         c = _friction(cabling)
-        rho = largest_ratio(c)
-        most, least = parts / (rest_lengths + behind / rho), parts / (rest_lengths + behind * rho)
-        rubbing, middle = parts / rest_lengths, (most + least) / 2
+        rho = np.where(c > 0, largest_ratio(cabling), 1.0)
+        most, least = parts / (beyond + behind / rho), parts / (beyond + behind * rho)
+        rubbing, middle = parts / beyond, (most + least) / 2
         new = np.isnan(memory.beyond)
         friction = np.where(c > 0, rubbing - middle, 0.0)
         loading = np.where(new | (c == 0), parts / ropes, middle)
@@ -186,29 +194,28 @@ class RopeStep:
                 np.concatenate([array, column[..., None]], axis=-1)
                 for array, column in zip((elements, yields, widths, free), columns, strict=True)
             )
-        square, cube = np.moveaxis(tendons.polynomials(cabling, axial_stiffness, rest_lengths), -1, 0)
         modulus, times = np.moveaxis(cabling.creep, -1, 0)
         elapsed = duration / times
         left = np.exp(-elapsed)
         mean = np.where(elapsed > 0, -np.expm1(-elapsed) / np.where(elapsed > 0, elapsed, 1), 1.0)
         return cls(
             cabling=cabling,
+            law=law,
             rest_lengths=rest_lengths,
+            beyond=beyond,
             ropes=ropes,
-            own=(1 - shares.sum(-1)) * loading,
+            own=law.springs(rest_lengths)._replace(stiffness=(1 - shares.sum(-1)) * loading),
             elements=elements,
             yields=yields,
             widths=widths,
             free=free,
             middle=middle,
             rubbing=rubbing,
-            square=square,
-            cube=cube,
-            gripped=(c > 0) & cabling.stiffening.any(-1) & ~new,
+            gripped=(c > 0) & cabling.nonlinear & ~new,
             kept=np.where(new, 0.0, memory.beyond - rest_lengths),
             beside=np.zeros_like(rest_lengths),
             lasting=left * memory.creep + (mean - left) / modulus * memory.tensions[..., None],
-            growing=np.broadcast_to((1 - mean) / (modulus * cabling.reeving[:, None]), memory.creep.shape),
+            growing=np.broadcast_to((1 - mean) / (modulus * law.parts[:, None]), memory.creep.shape),
         )
 
     def in_chain(self, rest_lengths: PerCable) -> RopeStep:
@@ -232,24 +239,22 @@ class RopeStep:
     @cached_property
     def rho(self) -> Float[np.ndarray, " cables"]:
         """Largest ratio of the tensions before and behind each exit, (cables,)."""
-        return largest_ratio(_friction(self.cabling))
+        return np.where(_friction(self.cabling) > 0, largest_ratio(self.cabling), 1.0)
 
     @cached_property
     def curved(self) -> Bool[np.ndarray, " cables"]:
         """Which cables have a nonlinear law, (cables,)."""
-        return np.asarray(self.cabling.stiffening.any(-1))
+        return self.cabling.nonlinear
 
-    def softer(self, springs: Springs) -> PerCable:
+    def softer(self, springs: Parts) -> PerCable:
         """Stiffness with creep over that without it, (rows, cables), where no element slides."""
         stiff = springs.slope + springs.elements.sum(-1)
         return 1 / (1 + self.compliance * stiff)
 
-    def springs(self, stretches: PerCable) -> Springs:
+    def springs(self, stretches: PerCable) -> Parts:
         """The springs of the cables at these ``stretches`` [m]."""
         e = stretches
-        found = Springs(
-            *tendons.force(e, self.own, self.square, self.cube), self.elements, self.bounds(e), e[..., None] - self.free
-        )
+        found = Parts(*self.own.force(e), self.elements, self.bounds(e), e[..., None] - self.free)
         return self._gripping(e, found) if self.gripped.any() else found
 
     def bounds(self, stretches: PerCable) -> PerElement:
@@ -260,7 +265,7 @@ class RopeStep:
         """Pull on the platform, (rows, cables) [N], of cables that went straight to these ``stretches`` [m]."""
         return self.springs(stretches).forces
 
-    def _gripping(self, stretches: PerCable, springs: Springs) -> Springs:
+    def _gripping(self, stretches: PerCable, springs: Parts) -> Parts:
         """The same with the friction of nonlinear ropes: their own springs pull by the mean of what friction allows.
 
         A rope that slides with the ratio x of the tensions behind and beyond its exit has the stretch
@@ -268,11 +273,11 @@ class RopeStep:
         """
         (out, out_slope), (back, back_slope) = (self._sliding(stretches, x) for x in (1 / self.rho, self.rho))
         stuck = stretches - self.kept
-        sticking, _ = self._tension(stuck / self.rest_lengths)
+        sticking, _ = self._tension(stuck / self.beyond)
         # Where the rope slides, the spring is that of a rope that is about to: the law goes on to any stiffness.
-        _, sticking_slope = self._tension(np.minimum(stuck / self.rest_lengths, self._strain(out)))
+        _, sticking_slope = self._tension(np.minimum(stuck / self.beyond, self._strain(out)))
         middle, middle_slope = (out + back) / 2, (out_slope + back_slope) / 2
-        stiff = np.maximum(sticking_slope / self.rest_lengths - middle_slope, LEAST_GRIP * middle_slope)
+        stiff = np.maximum(sticking_slope / self.beyond - middle_slope, LEAST_GRIP * middle_slope)
         lost = self.elements[..., :-1].sum(-1)
         gripped = self.gripped
 
@@ -281,7 +286,7 @@ class RopeStep:
             array[..., -1] = np.where(gripped, column, array[..., -1])
             return array
 
-        return Springs(
+        return Parts(
             pull=np.where(gripped, middle - lost * stretches, springs.pull),
             slope=np.where(gripped, middle_slope - lost, springs.slope),
             elements=last(stiff, springs.elements),
@@ -291,30 +296,24 @@ class RopeStep:
 
     def _tension(self, strains: PerCable) -> tuple[PerCable, PerCable]:
         """Pull [N] of a rope with this strain, and its slope by strain [N]."""
-        parts, square, cube = self._law
-        pull, slope = tendons.force(np.maximum(strains, 0.0), parts, square, cube)
-        return np.where(strains > 0, pull, parts * strains), slope
+        strained = self.law.strained
+        pull, slope = strained.force(np.maximum(strains, 0.0))
+        return np.where(strains > 0, pull, strained.stiffness * strains), slope
 
     def _strain(self, pulls: PerCable) -> PerCable:
         """Strain of a rope under these pulls [N]."""
-        return stretched(pulls, *self._law)[0]
-
-    @cached_property
-    def _law(self) -> tuple[PerCable, ...]:
-        """Coefficients of the pull by strain, its square and its cube, (rows, cables) [N] each."""
-        parts, (square, cube) = self.rubbing * self.rest_lengths, self.cabling.stiffening.T
-        return parts, parts * square, parts * cube
+        return self.law.strained.stretched(pulls)[0]
 
     def _sliding(self, stretches: PerCable, ratio: Float[np.ndarray, " cables"]) -> tuple[PerCable, PerCable]:
         """Pull [N], and its slope [N/m], of ropes that slide at their exits with this ratio of tensions."""
-        behind = self.cabling.behind
-        strains = stretches / (self.rest_lengths + ratio * behind)
+        behind = self.law.behind
+        strains = stretches / (self.beyond + ratio * behind)
         steps = 0
         while True:
             pull, slope = self._tension(strains)
             far = self._strain(ratio * pull)
-            per_strain = self.rest_lengths + behind * ratio * slope / self._tension(far)[1]
-            step = (self.rest_lengths * strains + behind * far - stretches) / per_strain
+            per_strain = self.beyond + behind * ratio * slope / self._tension(far)[1]
+            step = (self.beyond * strains + behind * far - stretches) / per_strain
             steps += 1
             if steps == MOST_STEPS or (np.abs(step) <= ENOUGH * strains).all():
                 return pull, slope / per_strain
@@ -329,11 +328,12 @@ class RopeStep:
 
     def stretches_under(self, pulls: PerCable) -> PerCable:
         """e of cables that pull on the platform with ``pulls``, (rows, cables) [N]."""
-        return self._where(lambda e, springs: (springs.forces, self.slopes(e, springs)), pulls, pulls / self.own)
+        guess = pulls / self.own.stiffness
+        return self._where(lambda e, springs: (springs.forces, self.slopes(e, springs)), pulls, guess)
 
     def _where(
         self,
-        function: Callable[[np.ndarray, Springs], tuple[np.ndarray, np.ndarray]],
+        function: Callable[[np.ndarray, Parts], tuple[np.ndarray, np.ndarray]],
         wanted: PerCable,
         guess: PerCable,
     ) -> PerCable:
@@ -355,7 +355,7 @@ class RopeStep:
                 break
         return e
 
-    def _widened(self, stretches: PerCable, springs: Springs) -> tuple[PerCable, PerCable]:
+    def _widened(self, stretches: PerCable, springs: Parts) -> tuple[PerCable, PerCable]:
         """By how much these stretches, with creep, lengthen the tendon [m], and the slope of that."""
         forces = springs.forces
         strains = self._strain(forces)
@@ -363,7 +363,7 @@ class RopeStep:
         softening = self.compliance - self.beside / self._tension(strains)[1]
         return stretches + self.compliance * forces - beside, 1 + softening * self.slopes(stretches, springs)
 
-    def slopes(self, stretches: PerCable, springs: Springs) -> PerCable:
+    def slopes(self, stretches: PerCable, springs: Parts) -> PerCable:
         """How much a stretch changes the forces, with what slides [N/m]."""
         wedge = np.where(self.widths * stretches[..., None] < self.yields, np.sign(springs.elastic) * self.widths, 0.0)
         slides = np.abs(springs.elastic) > springs.bounds
@@ -386,11 +386,11 @@ class RopeStep:
 
     def memory_after(self, lengths: PerCable, tensions: PerCable) -> Memory:
         """The memory, without its time, of cables at rest at these ``lengths`` [m] with these ``tensions`` [N]."""
-        stretches, pulls = self.stretches(lengths), self.cabling.reeving * tensions
+        stretches, pulls = self.stretches(lengths), self.cabling.pulls(tensions)
         hysteresis = self.cabling.hysteresis.shape[1]
         held, left = self.springs(stretches).held, stretches[..., None]
         gave_way = (self.cabling.hysteresis[..., 0] * (left - held[..., :hysteresis])).sum(-1)
-        free = self.rest_lengths * self._strain(pulls + self.middle * gave_way)
+        free = self.beyond * self._strain(pulls + self.middle * gave_way)
         beyond = np.where(_friction(self.cabling) > 0, self.rest_lengths + stretches - free, self.rest_lengths)
         unstretched = stretches <= 0
         return Memory(

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cdpr_sim.core.memory import Memory, without_memory
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.rope_memory import RopeStep, largest_ratio
+from cdpr_sim.physics.rope_memory import RopeStep, from_exit_on, largest_ratio
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,7 @@ class RopeMotion:
 
     def __init__(self, robot: Robot, memory: Memory) -> None:
         self.memory, self._robot, self._cabling = memory, robot, robot.cabling
-        self._rho = largest_ratio(robot.pulley_friction)
-        # From the exit on, a rope has no friction and no rope behind it.
-        bare = without_memory(robot).replace(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
-        self._bare = bare.cabling
+        self._rho, self._bare = largest_ratio(self._cabling), from_exit_on(robot).cabling
 
     def at(
         self,
@@ -89,7 +86,7 @@ class RopeMotion:
         if np.any(within):
             step = step.in_chain(rest_lengths[None] - within)
         pulls = step.pulls(step.stretches(lengths[None]))
-        memory = step.memory_after(lengths[None], pulls / self._robot.reeving)
+        memory = step.memory_after(lengths[None], self._cabling.tensions(pulls))
         none = np.zeros(len(lengths))
         slope = np.where(pulls[0] > 0, step.tangent(lengths[None])[0][0], 0.0) if slopes else none
         return RopeState(pulls[0], slope, rest_lengths, none.astype(bool), memory)
@@ -98,16 +95,19 @@ class RopeMotion:
         self, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"], seconds: float
     ) -> RopeState:
         """Cables of these ``lengths`` [m] whose winches hold ``tensions`` [N] and run as fast as that takes."""
-        stiffness, parts, beyond = self._robot.axial_stiffness, self._robot.reeving, self.memory.beyond[0]
+        stiffness, beyond = self._robot.axial_stiffness, self.memory.beyond[0]
         step = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
-        unmoved, wanted = step.pulls(step.stretches(lengths[None]))[0], parts * tensions
+        unmoved, wanted = step.pulls(step.stretches(lengths[None]))[0], self._cabling.pulls(tensions)
         pulls = np.clip(unmoved, wanted / self._rho, wanted * self._rho)
         sticks = (pulls == unmoved) & (self._rho > 1)
         stretches = step.stretches_under(pulls[None])
         crept = (step.lasting + step.growing * pulls[:, None]).sum(-1)
-        beyond = np.where(sticks, beyond, lengths / (1 + stretches / step.ropes + crept)[0])
+        slid = step.law.rest_lengths((stretches / step.ropes + crept)[0], lengths)
+        beyond = np.where(sticks, beyond, slid)
         moved = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
-        memory = moved.memory_after(lengths[None], (pulls / parts)[None])
-        behind = lengths / beyond + (tensions - pulls / parts) / stiffness  # it has the tension of the winch
+        held = self._cabling.tensions(pulls)
+        memory = moved.memory_after(lengths[None], held[None])
+        # What is behind has the tension of the winch.
+        behind = 1 + step.law.strains(lengths, beyond) + (tensions - held) / stiffness
         rest_lengths = beyond - self._cabling.behind * (behind - 1) / behind
         return RopeState(pulls, np.zeros_like(pulls), rest_lengths, sticks, replace(memory, beyond=beyond[None]))

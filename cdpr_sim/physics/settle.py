@@ -11,7 +11,6 @@ stiffness is the change of that force when the platform is displaced. ``dynamic_
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from contextlib import nullcontext
 
@@ -29,7 +28,7 @@ from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.progress import saying
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.physics.chains import refuse_short, too_short
@@ -372,10 +371,4 @@ def without_weight(problems: Problems) -> Problems:
     """The same problems with massless cables."""
     if problems.robot.cabling.massless:
         return problems
-    return dataclasses.replace(problems, robot=weightless(problems.robot), singles=())
-
-
-@functools.lru_cache(maxsize=16)
-def weightless(robot: Robot) -> Robot:
-    """The same robot with massless cables; cached, since its simulation is cached too."""
-    return robot if robot.cabling.massless else robot.replace(linear_density=0.0)
+    return dataclasses.replace(problems, robot=without_mass(problems.robot), singles=())

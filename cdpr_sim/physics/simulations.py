@@ -25,7 +25,8 @@ from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import IDLE_STRAIN
-from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics import pulleys
+from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import (
     SEGMENTS,
     STRAIGHT,
@@ -37,7 +38,6 @@ from cdpr_sim.physics.chains import (
     felt_at_exit,
     hang,
     profiles,
-    segment_springs,
     straight,
 )
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
@@ -140,7 +140,7 @@ class Simulations:
         self.batch = Batch(self.model, rows * (1 + self.places), threads)
         self._name_fields()
         self.slides = chains.dofs.reshape(len(chains.dofs), 3 * (SEGMENTS - 1))
-        self.massless = np.flatnonzero(cabling.linear_density == 0)
+        self.massless = np.flatnonzero(~cabling.with_mass)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.platform, self.origin = (self._id(mujoco.mjtObj.mjOBJ_BODY, name) for name in ("platform", "origin"))
         self.entries = pulleys.entries(cabling)
@@ -266,17 +266,17 @@ class Simulations:
         Of the constants that MuJoCo derives from masses, forces use only the sums of masses of subtrees, and only to
         choose points of reference.
         """
-        chains, cabling, rest = self.chains, self.robot.cabling, self.rest_lengths[at]
-        axial_stiffness, row = self.axial_stiffness[at], at[:, None]
-        stiffness, further = (law(cabling, axial_stiffness, rest) for law in (tendons.springs, tendons.polynomials))
+        chains, cabling, rest, row = self.chains, self.robot.cabling, self.rest_lengths[at], at[:, None]
+        law = Law.of(cabling, self.axial_stiffness[at])
+        springs = law.springs(rest)
         self.bands[row, self.single, 1] = (rest + self.entries)[:, self.massless]
-        self.stiffnesses[row, self.single] = stiffness[:, self.massless] / self.unit
+        self.stiffnesses[row, self.single] = springs.stiffness[:, self.massless] / self.unit
         if not cabling.linear:
-            self.further[row, self.single] = further[:, self.massless] / self.unit
+            self.further[row, self.single] = springs.polynomial[:, self.massless] / self.unit
         if self.heavy:
             lengths, masses = cut(self.robot, rest, ChainDivision(*(part[at] for part in self.division)))
-            segments = row[..., None], chains.segments
-            self.stiffnesses[segments], self.further[segments] = segment_springs(cabling, axial_stiffness, lengths)
+            springs, segments = law.some(chains.cables).segments(lengths), (row[..., None], chains.segments)
+            self.stiffnesses[segments], self.further[segments] = springs.stiffness, springs.polynomial
             lengths[..., 0] += chains.entries
             self.bands[(*segments, 1)] = lengths
             self.masses[row[..., None], chains.nodes] = masses[..., -2::-1]
@@ -333,7 +333,7 @@ class Simulations:
         heavy = sorted(set(self.with_memory) & set(self.chains.cables))
         if heavy:
             pulls = self._along(self.all, [self.first[[cable]] for cable in heavy])
-            tensions[:, heavy] = pulls / self.robot.reeving[heavy]
+            tensions[:, heavy] = pulls / self.robot.cabling.reeving[heavy]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
     def memory_of(self, row: int) -> Memory | None:
@@ -341,7 +341,7 @@ class Simulations:
         return None if self.ropes is None else self._before[row][None]
 
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
-        beyond = self.rest_lengths - self.robot.wrapped_lengths
+        beyond = Law.of(self.robot.cabling).ropes(self.rest_lengths) - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
 
     def observe(self, at: Rows) -> Observation:
@@ -543,7 +543,7 @@ class Simulations:
         if self.elements is not None:
             own = [np.append(one, more) for one, more in zip(own, self.elements.of, strict=True)]
         tensions[:, self.massless] = self._along(at, own)
-        return tensions / self.robot.reeving
+        return self.robot.cabling.tensions(tensions)
 
     def _along(self, at: Rows, sets: Sequence[Int[np.ndarray, " n"]]) -> Float[np.ndarray, "some sets"]:
         """MuJoCo's force of the springs of each set of tendons with one path along it [N].
@@ -622,7 +622,7 @@ class Simulations:
             extents, found = hang(
                 each(weights),
                 each(chains.rest_lengths(self.bands[at])),
-                (each(stiffness), each(further[..., 0]), each(further[..., 1])),
+                Springs(each(stiffness), each(further[..., 0]), each(further[..., 1])),
                 np.tile(chains.radii, rows),
                 np.tile(chains.axes, (rows, 1)),
                 each(pulls),
@@ -638,7 +638,7 @@ class Simulations:
         """``chains.expected_pulls``, as of MuJoCo's last call."""
         cables, weights = self.chains.cables, self.weights[at][..., None] * [0.0, 0.0, -1.0]
         strains = self.chords(at) / self.rest_lengths[at][:, cables] - 1
-        stiffness = (self.robot.reeving * self.axial_stiffness[at])[:, cables]
+        stiffness = self.robot.cabling.pulls(self.axial_stiffness[at])[:, cables]
         return expected_pulls(self.spans(at), strains, stiffness, weights)
 
     def spans(self, at: Rows) -> Float[np.ndarray, "some chains 3"]:
@@ -786,7 +786,8 @@ Indices = tuple[mujoco.MjModel, Chains, pulleys.Swivels, Float[np.ndarray, "bodi
 def _generated(robot: Robot, sinks: bool) -> Indices:
     """``_prepared`` of the generated model: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    lengths = 1.0 + robot.wrapped_lengths + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
+    weighing = 1.0 + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
+    lengths = robot.cabling.least_lengths + robot.wrapped_lengths + weighing
     spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, lengths))
     if sinks:
         add_elements(spec, robot.cabling)

@@ -5,17 +5,12 @@ spring has no force inside that dead band, so
 
     tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
 
-A nonlinear cable has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. The tendon of one
-over a pulley begins before the pulley (``pulleys``) and is longer by that entry.
-
-A rope with n parts of line and a length g between winch and exit stretches by n (l - l0) over its length L = n l0 + g,
-and each part pulls. Its one tendon has the coefficients n² EA/L, n³ EA a2/L² and n⁴ EA a3/L³; its force is n tau.
+A nonlinear cable has the two further coefficients of MuJoCo's polynomial (``cable``). The tendon of one over a pulley
+begins before the pulley (``pulleys``) and is longer by that entry.
 
 Three attributes of tendons are left out on purpose. ``range`` would add a constraint that stops the cable
 stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
 slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
-
-This is the law's second coding: the mathematics has its own in ``core.cable_law``, and neither reads the other's.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -25,11 +20,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics import pulleys, winches
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.number_format import add
 
 NOTHING = 1e-200
@@ -60,23 +55,23 @@ def add_tendons(
     """
     robot, cabling, rest_lengths = problem.robot, problem.robot.cabling, problem.rest_lengths
     tendons = ET.SubElement(root, "tendon")
-    stiffnesses = springs(cabling, cabling.axial_stiffness, rest_lengths)
-    further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
+    law = Law.of(cabling)
+    springs = law.springs(rest_lengths)
+    further = springs.polynomial
     lengths = rest_lengths + uneven + (winches.behind(robot) if wound else pulleys.entries(cabling))
-    for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
-        heavy = cabling.linear_density[i - 1] > 0
+    for i, (stiffness, length) in enumerate(zip(springs.stiffness, lengths, strict=True), start=1):
+        heavy = cabling.with_mass[i - 1]
         if heavy and nodes is None:
             continue
-        parts = float(cabling.reeving[i - 1])
-        shared = cabling.winch_to_exit[i - 1] / parts
-        properties = [parts, shared, *([uneven[i - 1]] if heavy else [])]
-        nonlinear = cabling.stiffening[i - 1].any()
+        parts, added = float(law.parts[i - 1]), law.added[i - 1]
+        properties = [parts, added, *([uneven[i - 1]] if heavy else [])]
+        nonlinear = cabling.nonlinear[i - 1]
         spring = nonlinear or not wound
         cable = add(
             tendons,
             "spatial",
             {"name": f"cable_{i}", "class": "cable"},
-            user=properties if parts > 1 or shared > 0 or heavy else None,  # ``reset`` cannot read it elsewhere
+            user=properties if parts > 1 or added != 0 or heavy else None,  # ``reset`` cannot read it elsewhere
             stiffness=[stiffness, *(further[i - 1] if nonlinear else [])] if spring else None,
             springlength=[0, length] if spring else None,
             damping=None if step is None else step * stiffness,
@@ -104,64 +99,3 @@ def add_twin(tendons: ET.Element, name: str, cable: int, length: float, group: i
     twin = add(tendons, "spatial", names, group=group, stiffness=NOTHING, springlength=[0, length])
     for end in ("exit", "anchor"):
         add(twin, "site", site=f"{end}_{cable}")
-
-
-def springs(
-    cabling: Cabling,
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-) -> Float[np.ndarray, "*batch cables"]:
-    """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables of one material, the shorter is the stiffer."""
-    return spring(axial_stiffness, cabling.reeving * rest_lengths + cabling.winch_to_exit, cabling.reeving)
-
-
-def polynomials(
-    cabling: Cabling,
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-) -> Float[np.ndarray, "*batch cables 2"]:
-    """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
-    ropes = cabling.reeving * rest_lengths + cabling.winch_to_exit
-    return polynomial(axial_stiffness, cabling.stiffening, ropes, cabling.reeving)
-
-
-def spring(
-    axial_stiffness: Float[np.ndarray, "*#batch"],
-    ropes: Float[np.ndarray, "*#batch"],
-    parts: Int[np.ndarray, "*#batch"],
-) -> Float[np.ndarray, "*batch"]:
-    """``stiffness`` of a tendon for a rope of the unstretched length ``ropes`` [m] in so many parts of line."""
-    return parts * parts * axial_stiffness / ropes
-
-
-def polynomial(
-    axial_stiffness: Float[np.ndarray, "*#batch"],
-    stiffening: Float[np.ndarray, "*#batch 2"],
-    ropes: Float[np.ndarray, "*#batch"],
-    parts: Int[np.ndarray, "*#batch"],
-) -> Float[np.ndarray, "*batch 2"]:
-    """``stiffnesspoly`` of such a tendon."""
-    squares, coefficients = ropes * ropes, axial_stiffness[..., None] * stiffening
-    powers = np.stack([parts**3, parts**4], axis=-1)
-    return powers * coefficients / np.stack([squares, squares * ropes], axis=-1)
-
-
-def force(
-    stretches: Float[np.ndarray, "*batch"],
-    stiffness: Float[np.ndarray, "*#batch"],
-    square: Float[np.ndarray, "*#batch"],
-    cube: Float[np.ndarray, "*#batch"],
-) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
-    """Force of springs with MuJoCo's polynomial at these stretches [m], and its slope by the stretch."""
-    force = stretches * (stiffness + stretches * (square + cube * stretches))
-    return force, stiffness + stretches * (2 * square + 3 * cube * stretches)
-
-
-def energy(
-    stretches: Float[np.ndarray, "*batch"],
-    stiffness: Float[np.ndarray, "*#batch"],
-    square: Float[np.ndarray, "*#batch"],
-    cube: Float[np.ndarray, "*#batch"],
-) -> Float[np.ndarray, "*batch"]:
-    """Energy of springs with MuJoCo's polynomial at these stretches [J]."""
-    return stretches**2 * (stiffness / 2 + stretches * (square / 3 + cube / 4 * stretches))

@@ -24,9 +24,10 @@ from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
-from cdpr_sim.physics import tendons, winches
+from cdpr_sim.physics import winches
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.damping import STEPS, stiffest
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
@@ -34,7 +35,7 @@ from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
 from cdpr_sim.physics.motion import Motion
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.sensing import Seen, Sensing, recorded
-from cdpr_sim.physics.settle import at_rest, settle, single, weighs, weightless
+from cdpr_sim.physics.settle import at_rest, settle, single, weighs
 from cdpr_sim.physics.settle_path import settle_path
 from cdpr_sim.physics.simulations import Simulations
 from cdpr_sim.physics.winches import WINCH_SPEED
@@ -120,7 +121,7 @@ def track(
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
         machine = Machine(
-            robot if weighs(robot) else weightless(robot),
+            robot if weighs(robot) else without_mass(robot),
             wanted[0],
             lengths,
             winch_speed=speed,
@@ -300,15 +301,14 @@ class Machine:
 def _stiffest(robot: Robot, written: Problem, simulation: Simulations) -> tuple[float, Float[np.ndarray, "free free"]]:
     """``damping.stiffest`` with the cables' stiffness near the first lengths; of nonlinear ones, at rest there."""
     cabling, rest = robot.cabling, written.rest_lengths
-    springs = tendons.springs(cabling, robot.axial_stiffness, rest)
-    stuck = tendons.spring(cabling.axial_stiffness, cabling.reeving * rest, cabling.reeving)
-    springs = np.where(cabling.has("pulley_friction"), stuck, springs)
+    law = Law.of(cabling)
+    springs = np.where(cabling.has("pulley_friction"), law.sticking(rest).stiffness, law.springs(rest).stiffness)
     if not cabling.linear:
         simulation.residuals(simulation.all)
         first = simulation.first
         stretch = np.maximum(simulation.ten_length[0, first] - simulation.bands[0, first, 1], 0)
-        further = tendons.polynomials(cabling, robot.axial_stiffness, rest)
-        springs = np.maximum(springs, tendons.force(STRETCHES * stretch, springs, *further.T)[1])
+        near = law.springs(rest)._replace(stiffness=springs)
+        springs = np.maximum(springs, near.force(STRETCHES * stretch)[1])
     model = simulation.batch.get_model(0)
     model.dof_armature[: simulation.free] = 0  # which is for settling
     return stiffest(model, robot, springs)

@@ -13,10 +13,9 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import chains
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.physics.tendons import springs
-from cdpr_sim.physics.winches import SERVO, controls, reach, shared
+from cdpr_sim.physics.winches import SERVO, controls, reach
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -49,11 +48,12 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    extra = shared(robot)
+    law = Law.of(robot.cabling)
+    extra = law.added
     found = controls(rigid + extra, wanted + extra)
     if not robot.cabling.linear:
         nonlinear = robot.cabling.nonlinear
-        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
+        servos = SERVO * law.springs(rigid).stiffness
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             lengths = rest.lengths + extra
@@ -62,7 +62,7 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
                 # mean is that at half the height.
                 rise = robot.exits[cable, 2] - rest.pose.apply(robot.anchors[cable])[2]
                 pull = rest.pulls[[cable]] + robot.cable_weights[cable] * rise / 2
-                strain = chains.strains(robot.cabling, np.array([cable]), pull)[0]
+                strain = law.some([cable]).strained.stretched(pull)[0][0]
                 lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
             drawn_in = lengths * found[row] + rest.pulls / servos  # plus the servos' displacement
             found[row][nonlinear] = drawn_in[nonlinear]

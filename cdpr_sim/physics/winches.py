@@ -23,8 +23,8 @@ one time step the platform turns by more than a radian (``steady_step``), so tha
 integrators that treat springs explicitly, a cable that is suddenly short is too stiff for the time step, too.
 
 A rope with n parts of line and a length g between winch and exit has the strain (l - l0)/(l0 + c) with c = g/n
-(``shared``): the same formulas hold with l + c, l0 + c and L + c in the place of l, l0 and L. The actuator's force is
-the pull of all parts, n tau, and EA in it n EA.
+(``cable.Law.added``): the same formulas hold with l + c, l0 + c and L + c in the place of l, l0 and L. The actuator's
+force is the pull of all parts, n tau, and EA in it n EA.
 
 A nonlinear cable keeps its spring, since no actuator in MuJoCo is more than linear in length. Its tendon begins
 at a drum, a body ``drum_1`` on a slide behind the exit, which the actuator moves: its control q is a length [m], by
@@ -53,6 +53,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys
+from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.number_format import add, add_inertia, text
 
 Kind: TypeAlias = Literal["ratio", "speed"]
@@ -111,7 +112,7 @@ def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> 
     nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
     longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
-    shortest = np.maximum((1 - SPARE) * nearest, SHORTEST * longest)
+    shortest = np.maximum((1 - SPARE) * nearest, robot.cabling.least_lengths + SHORTEST * longest)
     if written is None:
         return np.array([shortest, longest])
     return np.array([np.minimum(shortest, written), np.maximum(longest, written)])
@@ -164,7 +165,7 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
                 f"{robot.cables} cables [N]"
             )
         forces = np.broadcast_to(forces, (robot.cables,)).copy()
-        unlimited = robot.cabling.stiffening.any(1) & np.isfinite(forces)
+        unlimited = robot.cabling.nonlinear & np.isfinite(forces)
         if unlimited.any():
             cable = int(np.argmax(unlimited))
             raise InvalidInput(
@@ -186,13 +187,8 @@ def steady_step(robot: Robot, forces: Float[np.ndarray, " cables"]) -> float:
     arms = robot.anchors - robot.center_of_mass
     moments = np.empty(3)
     mujoco.mju_eig3(moments, np.empty(9), np.empty(4), robot.inertia.ravel())
-    torques = robot.reeving * forces * np.sqrt((arms * arms).sum(1))
+    torques = robot.cabling.pulls(forces) * np.sqrt((arms * arms).sum(1))
     return float(np.sqrt(moments.min() / max(torques.max(), np.finfo(float).tiny)))
-
-
-def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
-    """Length of rope between winch and exit, for each part of line [m]: it stretches with the cable."""
-    return robot.winch_to_exit / robot.reeving
 
 
 def controls(
@@ -202,32 +198,18 @@ def controls(
     return written / ropes - 1
 
 
-def strains_of(
-    robot: Robot, lengths: Float[np.ndarray, "*rows cables"], rest_lengths: Float[np.ndarray, "*rows cables"]
-) -> Float[np.ndarray, "*rows cables"]:
-    """Strains of cables that are ``lengths`` long and of which winches have let out ``rest_lengths`` [m]."""
-    return (lengths - rest_lengths) / (rest_lengths + shared(robot))
-
-
-def lengths_at(
-    robot: Robot, strains: Float[np.ndarray, "*rows cables"], lengths: Float[np.ndarray, "*rows cables"]
-) -> Float[np.ndarray, "*rows cables"]:
-    """Rest lengths of cables with these ``strains`` that are ``lengths`` long [m]."""
-    return (lengths - strains * shared(robot)) / (1 + strains)
-
-
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
     """Difference between the length of each tendon and its cable at control 0 [m]: the part behind the exit."""
     _, longest = reach(robot)
-    return pulleys.entries(robot.cabling) + np.where(robot.cabling.stiffening.any(1), longest, 0)
+    return pulleys.entries(robot.cabling) + np.where(robot.cabling.nonlinear, longest, 0)
 
 
 def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"]) -> None:
     """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints.
 
-    ``springs`` are the stiffnesses of the cables' tendons, from ``tendons.springs`` [N/m].
+    ``springs`` are the stiffnesses of the cables' tendons, from ``cable.Law`` [N/m].
     """
-    for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
+    for cable in np.flatnonzero(robot.cabling.nonlinear):
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
         inertia = SERVO * springs[cable] / DRUM_SWING**2
         start = robot.exits[cable] - behind(robot)[cable] * axis
@@ -261,7 +243,7 @@ def add_actuators(
         root: the model.
         world: its world body.
         problem: the robot, with its rest lengths at a control, or an activation, of 0.
-        springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+        springs: stiffnesses of tendons of these rest lengths, from ``cable.Law`` [N/m].
         uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
         kind: what the controls are; None without winches.
         forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
@@ -269,7 +251,7 @@ def add_actuators(
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     robot, rest_lengths = problem.robot, problem.rest_lengths
-    actuators, bounds, extra = ET.SubElement(root, "actuator"), reach(robot, rest_lengths), shared(robot)
+    actuators, bounds, extra = ET.SubElement(root, "actuator"), reach(robot, rest_lengths), Law.of(robot.cabling).added
     offsets = pulleys.entries(robot.cabling) - extra + uneven  # of tendons from the lengths l + c that they stretch
     if kind is None:
         for cable, law in enumerate(zip(springs, offsets, damping, strict=True)):
@@ -279,7 +261,7 @@ def add_actuators(
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
-        if robot.cabling.stiffening[cable].any():
+        if robot.cabling.nonlinear[cable]:
             law = {"name": f"winch_{i}", "joint": f"drum_{i}"}
             bias = [0, -SERVO * slope, 0]
             winch = add(actuators, "general", law, gainprm=SERVO * slope, biastype="affine", biasprm=bias)
@@ -314,7 +296,7 @@ def _add_cable(
     force: float,
 ) -> ET.Element:
     """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
-    stiffness = robot.reeving[cable] * robot.axial_stiffness[cable]
+    stiffness = Law.of(robot.cabling).strained.stiffness[cable]
     return add(
         actuators,
         "general",
@@ -323,7 +305,7 @@ def _add_cable(
         gainprm=gain * np.array([-slope * offset, -slope, 0]),
         biastype="affine",
         biasprm=[-stiffness - slope * offset, -slope, -damping * slope],
-        forcerange=[0, robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness],
+        forcerange=[0, robot.cabling.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness],
     )
 
 

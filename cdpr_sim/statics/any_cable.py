@@ -79,7 +79,11 @@ class Catenary(NamedTuple):
 
 
 class AnyCable(NamedTuple):
-    """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m]."""
+    """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m].
+
+    The lengths are what of the rope is massless at the exit, the rope behind it, the rest length from exit to anchor,
+    the rope in it, and the rope that stretches in all.
+    """
 
     ex: float
     ey: float
@@ -88,6 +92,8 @@ class AnyCable(NamedTuple):
     wrapped: float
     behind: float
     rest_length: float
+    rope: float
+    whole: float
     law: tuple[float, ...]
     weight: float
 
@@ -130,9 +136,15 @@ _ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),(
 def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
-        cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length, rest_length,
+        rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
     )  # fmt: skip
+
+
+@inline
+def added(row):
+    """What stretches besides the rest length (``Cabling.added``)."""
+    return row[BEHIND]
 
 
 @outlined
@@ -173,12 +185,12 @@ def _wheel_path(x, y, z, cable):
 def _massless(x, y, z, cable, row, elastic):
     """A spring along the path, whose stretch the part behind the exit shares."""
     length, fx, fy, fz, free, bx, by, bz, bend, _, clear = _wheel_path(x, y, z, cable)
-    stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
+    stretch = length - cable.rest_length
     if elastic:
-        k, e = cable_law.tangent(stretch, whole, cable.law)
-        energy = cable_law.energy(stretch, whole, cable.law)
+        k, e = cable_law.tangent(stretch, cable.whole, cable.law)
+        energy = cable_law.energy(stretch, cable.whole, cable.law)
     else:
-        k, e, energy = memory_spring(stretch, cable.rest_length, cable.behind, cable.law, row)
+        k, e, energy = memory_spring(stretch, cable.rope, cable.behind, cable.law, row)
     if not (stretch > 0 and e > 0):
         none = 0.0 if stretch <= 0 or e <= 0 else np.nan
         return none, none, none, none, none, none, none, none, none, none, none, none, length, clear
@@ -191,10 +203,10 @@ def _massless(x, y, z, cable, row, elastic):
 def _with_mass(x, y, z, cable, row, elastic):
     """Newton's method on the span of the free part; what it misses is B − A."""
     radius, rest, law = cable.radius, cable.rest_length, cable.law
-    L = rest - cable.wrapped
+    L = cable.rope - cable.wrapped
     G, weight = cable.wrapped + cable.behind, cable.weight * L
     length, fx, fy, fz, free, _, _, _, _, wrap, clear = _wheel_path(x, y, z, cable)
-    eps = max((length - rest) / (rest + cable.behind), 0.0)
+    eps = max((length - rest) / cable.whole, 0.0)
     # The line that touches the law where the cable would be without mass: tau = (eps - (mu - 1)) EAb/mu.
     mu, EAb, nonlinear = 1.0, law[0], not cable_law.linear(law)
     if nonlinear:
@@ -283,7 +295,7 @@ def _guided(t, cable, G, row, elastic):
     f, wider = cable.wrapped + G * eps, G * slope
     Psi = G * (T * (1 + eps) - energy) - cable.behind * T
     if not elastic:  # the rope behind the exit, with all that a memory makes the cable longer
-        more, per_newton, work = stretch_at_exit(T, cable.rest_length, cable.behind, cable.law, row)
+        more, per_newton, work = stretch_at_exit(T, cable.rope, cable.behind, cable.law, row)
         f, wider = cable.wrapped * (1 + eps) + more, cable.wrapped * slope + per_newton
         Psi = cable.wrapped * (T * (1 + eps) - energy) + work
     if cable.radius == 0.0:

@@ -21,9 +21,9 @@ import math
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, AXIS, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
 from cdpr_sim.core.compiling import STRIDE, inline, outlined
-from cdpr_sim.statics.any_cable import any_cable, cable_of
+from cdpr_sim.statics.any_cable import added, any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
 
 PLAIN, BENT, WITH_MEMORY, SAGGING = range(4)
@@ -32,10 +32,10 @@ PLAIN, BENT, WITH_MEMORY, SAGGING = range(4)
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
-AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, WHEEL, EX, EY, EZ, HIND, SIZE, EA = range(0, 16 * STRIDE, STRIDE)
-"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch, with
-what lies behind the exits; the wheels' radius and axis; what lies behind the exits; one number, the largest coordinate
-of an exit; and the law, of which EA is the first row."""
+AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, WHEEL, EX, EY, EZ, ADDED, SIZE, EA = range(0, 16 * STRIDE, STRIDE)
+"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch; the
+wheels' radius and axis; what stretches besides the rest lengths; one number, the largest coordinate of an exit; and the
+law, of which EA is the first row."""
 
 RX, RY, RZ, UX, UY, UZ, L, F, K, E = range(0, 10 * STRIDE, STRIDE)
 """State at a pose: arms of the anchors in the base frame; directions in which the cables pull; lengths; inverses of the
@@ -68,7 +68,7 @@ def load_table(d, table):
         d[WHEEL + i], d[EX + i], d[EY + i], d[EZ + i] = (
             table[i, RADIUS], table[i, AXIS], table[i, AXIS + 1], table[i, AXIS + 2]
         )  # fmt: skip
-        d[HIND + i] = table[i, BEHIND]
+        d[ADDED + i] = added(table[i])
         size = max(size, max(abs(d[AX + i]), max(abs(d[AY + i]), abs(d[AZ + i]))))
         bent |= d[WHEEL + i] > 0.0 or not cable_law.linear(law(d, i))
     d[SIZE] = size
@@ -87,7 +87,7 @@ def law(d, i):
 def load_lengths(d, rest_lengths):
     """Fill in rest lengths, and what follows from them."""
     for i in range(len(rest_lengths)):
-        d[L0 + i], d[WHOLE + i] = rest_lengths[i], rest_lengths[i] + d[HIND + i]
+        d[L0 + i], d[WHOLE + i] = rest_lengths[i], rest_lengths[i] + d[ADDED + i]
         d[STIFF + i] = d[EA + i] / d[WHOLE + i]
 
 
@@ -153,7 +153,8 @@ def _measure_sagging(d, table, px, py, pz, s):
 @outlined
 def _memory_spring(d, table, i, stretch):
     """The tangent spring of cable i with a memory, and its energy."""
-    return memory_spring(stretch, d[L0 + i], d[HIND + i], law(d, i), table[i, COLUMNS:])
+    cable = cable_of(table[i], d[L0 + i])
+    return memory_spring(stretch, cable.rope, cable.behind, cable.law, table[i, COLUMNS:])
 
 
 @inline

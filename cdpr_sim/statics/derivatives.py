@@ -283,7 +283,7 @@ def rest_lengths_under(
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.added)
-    rest = np.where(rest > 0, rest, np.nan)
+    rest = np.where(rest > cabling.least_lengths, rest, np.nan)
     pulls = cabling.pulls(tensions)
     done = np.zeros(rest.shape, bool)
     idle = (tensions == 0) & (robot.cable_weights == 0)  # its length is its rest length

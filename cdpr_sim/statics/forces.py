@@ -244,7 +244,7 @@ def weight_of_cables(
     if robot.cabling.massless:
         return np.zeros(robot.cables), np.zeros(6)
     cables = geometry(robot, position, rotation)
-    half = robot.cable_weights * cables.free_lengths / 2
+    half = robot.cable_weights * robot.cabling.ropes(cables.free_lengths) / 2
     down = half[..., None] * np.array([0.0, 0.0, -1.0])
     return robot.cabling.tensions(half) * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
 
@@ -314,7 +314,7 @@ def _stretched(problem: Problem | Problems) -> tuple[Array, tuple[Array, ...]]:
     """The arguments of ``cable_law`` besides stretches: the length of rope that stretches, and the law."""
     cabling = problem.robot.cabling
     cabling.refuse_memory()
-    return problem.rest_lengths + cabling.added, cabling.law_of(problem.axial_stiffness)
+    return cabling.stretching(problem.rest_lengths), cabling.law_of(problem.axial_stiffness)
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -28,7 +28,7 @@ def cut(
 
     A cable with mass pulls along its own end, whose direction depends on its tension.
 
-    Without ``refuse``, rest lengths that do not exist are nan or not positive. Messages begin with ``field``.
+    Without ``refuse``, rest lengths that do not exist are nan or too short. Messages begin with ``field``.
 
     Raises:
         InvalidInput: a tension below that which the cable's weight alone gives, or with which the rope between winch
@@ -47,8 +47,9 @@ def cut(
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
         wrenches = np.concatenate([directions, np.cross(cables.arms, directions)], axis=-1)
         matrix = robot.cabling.pulls(np.swapaxes(wrenches, -1, -2))
-    if refuse and not rest.min() > 0:  # also if one is nan
-        row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
+    exists = rest > robot.cabling.least_lengths  # not if it is nan
+    if refuse and not exists.all():
+        row = np.unravel_index(np.argmin(exists), rest.shape)
         cable = int(row[-1])
         length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.added[cable]
         strain = cable_law.strain_at(tension, tuple(one[cable] for one in robot.cabling.law))
@@ -57,8 +58,9 @@ def cut(
                 f"{field}: found {tension:.4g} N in cable {cable + 1}, under which the rope between winch and "
                 f"exit stretches by more than the {length:.4g} m from exit to anchor, expected a smaller one"
             )
+        weight = robot.cable_weights[cable] * robot.cabling.ropes(cables.lengths)[row]
         raise InvalidInput(
-            f"{field}: found {tension:.4g} N in cable {cable + 1}, which weighs "
-            f"{robot.cable_weights[cable] * length:.4g} N, expected at least what its weight alone gives"
+            f"{field}: found {tension:.4g} N in cable {cable + 1}, which weighs {weight:.4g} N, expected at least what "
+            "its weight alone gives"
         )
     return rest, matrix

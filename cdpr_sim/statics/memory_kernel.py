@@ -62,21 +62,21 @@ def strain_of(T, law):
 
 
 @outlined
-def memory_spring(stretch, rest_length, behind, law, row):
+def memory_spring(stretch, rope, behind, law, row):
     """(k, e, energy): the spring k max(e, 0) with the law's tension and slope at this stretch x, and ∫T dx."""
     kind, x = row[KIND], stretch - row[CREPT]
     if kind == ELASTIC:
-        k, e = cable_law.tangent(x, rest_length + behind, law)
-        return k, e, cable_law.energy(x, rest_length + behind, law)
+        k, e = cable_law.tangent(x, rope + behind, law)
+        return k, e, cable_law.energy(x, rope + behind, law)
     if kind == LINEAR:
         return _between_knots(x, row)
     if not x > 0:
-        k, _ = cable_law.tangent(0.0, rest_length + behind, law)
+        k, _ = cable_law.tangent(0.0, rope + behind, law)
         return k, x, 0.0
-    eps, low, high = x / (rest_length + behind), 0.0, np.inf
+    eps, low, high = x / (rope + behind), 0.0, np.inf
     T, slope, energy = 0.0, 1.0, 0.0
     for _ in range(CURVE_STEPS):
-        there, per_strain, T, slope, energy = _point(eps, rest_length, behind, law, row)
+        there, per_strain, T, slope, energy = _point(eps, rope, behind, law, row)
         missed = there - x
         if missed > 0:
             high = eps
@@ -92,7 +92,7 @@ def memory_spring(stretch, rest_length, behind, law, row):
 
 
 @outlined
-def stretch_at_exit(T, rest_length, behind, law, row):
+def stretch_at_exit(T, rope, behind, law, row):
     """(X, dX/dT, ∫X dT) of a cable with mass, X = x(T) − l0 eps(T), at the tension T > 0 where it leaves its exit."""
     creep, crept = row[CREEP], row[CREPT]
     if row[KIND] == LINEAR:
@@ -104,9 +104,9 @@ def stretch_at_exit(T, rest_length, behind, law, row):
         x = row[KNOTS + j] + (T - row[KNOTS + n + j]) / k
         _, _, energy = _between_knots(x, row)
         return (
-            x - rest_length * T / law[0] + crept,
-            1 / k - rest_length / law[0],
-            T * (x + crept - 0.5 * rest_length * T / law[0]) - energy,
+            x - rope * T / law[0] + crept,
+            1 / k - rope / law[0],
+            T * (x + crept - 0.5 * rope * T / law[0]) - energy,
         )
     delta, per_newton, work = _behind(T, behind, law, row)
     return delta + creep * T + crept, per_newton + creep, T * (delta + 0.5 * creep * T + crept) - work
@@ -120,16 +120,16 @@ def _between_knots(x, row):
 
 
 @outlined
-def _point(eps, rest_length, behind, law, row):
+def _point(eps, rope, behind, law, row):
     """(x, dx/d eps, T, dT/dx, ∫T dx) of a nonlinear cable whose rope beyond the exit has the strain eps."""
     hard, soft = cable_law.tangent(eps, 1.0, law)
     F = hard * soft
     delta, per_newton, work = _behind(F, behind, law, row)
-    e, widening = rest_length * eps + delta, rest_length + per_newton * hard
+    e, widening = rope * eps + delta, rope + per_newton * hard
     Q, giving, given = _on_knots(e, row)
     T, rising = F - Q, hard - giving * widening
     x, per_strain = e + row[CREEP] * T, widening + row[CREEP] * rising
-    energy = rest_length * cable_law.energy(eps, 1.0, law) + work - given + 0.5 * row[CREEP] * T * T
+    energy = rope * cable_law.energy(eps, 1.0, law) + work - given + 0.5 * row[CREEP] * T * T
     return x, per_strain, T, rising / per_strain, energy
 
 

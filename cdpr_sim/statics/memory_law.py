@@ -1,7 +1,7 @@
 """The law of cables with a memory: from one equilibrium of a path to the next, linear between knots.
 
 All parts of line are one cable here (``Cabling.behind``): EA and EA1 are those of n ropes, g is the length behind the
-exit, l0 the rest length from exit to anchor, L = l0 + g. With the stretch e = l − l0 − L zc beyond the creep zc:
+exit, l0 the rope from exit to anchor, L = l0 + g. With the stretch e = l − l0 − L zc beyond the creep zc:
 
 *Hysteresis* is Maxwell-slip elements: springs in parallel, each of which slips where its stretch would exceed a bound,
 
@@ -62,7 +62,7 @@ class MemoryLaw:
     Args:
         robot: the robot.
         axial_stiffness: EA of the ropes, (..., cables) [N].
-        rest_lengths: l0, (..., cables) [m].
+        rest_lengths: from exit to anchor, (..., cables) [m].
         memory: that of the last equilibrium.
         duration: time since then [s].
 
@@ -94,13 +94,13 @@ class MemoryLaw:
         memory: Memory,
         duration: float,
     ) -> None:
-        cabling, rest = robot.cabling, rest_lengths
+        cabling, rest, rope = robot.cabling, rest_lengths, robot.cabling.ropes(rest_lengths)
         n, g = cabling.reeving, cabling.behind
-        EA, L = n * axial_stiffness, rest + g
+        EA, L = n * axial_stiffness, rope + g
         rho = (1 + cabling.pulley_friction / 2) / (1 - cabling.pulley_friction / 2)
-        a, b = EA / (rest + g / rho), EA / (rest + g * rho)
+        a, b = EA / (rope + g / rho), EA / (rope + g * rho)
         middle = (a + b) / 2
-        k = np.where((g > 0) & (cabling.pulley_friction > 0), EA / rest - middle, 0.0)
+        k = np.where((g > 0) & (cabling.pulley_friction > 0), EA / rope - middle, 0.0)
         rubbed, curved = ~np.isnan(memory.beyond), cabling.nonlinear
         mean = np.where(rubbed, middle, EA / L)
         shares, yields, widths = np.moveaxis(cabling.hysteresis, -1, 0)
@@ -112,7 +112,7 @@ class MemoryLaw:
         self.robot, self.axial_stiffness, self.rest_lengths, self.curved = robot, axial_stiffness, rest, curved
         self.whole, self.mean, self.base = L, mean, mean * (1 - shares.sum(-1))
         self.springs = _joined(mean[..., None] * shares, np.where(holds, k, 0.0))
-        self.free = _joined(memory.strains * L[..., None], _over(EA / rest * moved, k))
+        self.free = _joined(memory.strains * L[..., None], _over(EA / rope * moved, k))
         self.most = _joined(yields * L[..., None], np.full(rest.shape, np.inf))
         self.widths = _joined(np.broadcast_to(widths, memory.strains.shape), _over((a - b) / 2, k))
         self.holding, self.middle, self.shares, self.rho = k, middle, shares, rho
@@ -190,7 +190,7 @@ class MemoryLaw:
         e = np.where(pulls > 0, x - self.compliance * pulls, 0.0)
         stretched, _ = self._elements(e[..., None], self.free, self.most, self.widths)
         gave_way = (self.shares * (e[..., None] - stretched[..., :-1])).sum(-1)
-        free = rest * self._strains((pulls + self.middle * gave_way) / EA)
+        free = robot.cabling.ropes(rest) * self._strains((pulls + self.middle * gave_way) / EA)
         ended = np.isnan(tensions)
         return Memory(
             strains=np.where(ended[..., None], np.nan, (e[..., None] - stretched[..., :-1]) / self.whole[..., None]),
@@ -218,7 +218,7 @@ class MemoryLaw:
         behind = g * self._strains(forces)
         out, back = g * self._strains(forces / self.rho), g * self._strains(forces * self.rho)
         behind = np.where(np.isnan(self.held), behind, np.clip(self.held, out, back))
-        curved = self.rest_lengths * self._strains(forces) + behind + self.compliance * pulls
+        curved = self.robot.cabling.ropes(self.rest_lengths) * self._strains(forces) + behind + self.compliance * pulls
         return np.where(self.curved, curved, linear)
 
 
