@@ -297,7 +297,7 @@ def come_to_rest(
                 say(f"pose {first + row + 1} of {count}: {progress}" if count > 1 else progress)
 
         with simulations_of(
-            problems.take(rows),
+            problems if len(rows) == count else problems.take(rows),
             None if starts is None else starts[rows],
             model=model,
             memory=None if memory is None else (memory[0][rows], memory[1]),

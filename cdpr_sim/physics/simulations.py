@@ -153,10 +153,7 @@ class Simulations:
         self.elements = (
             Elements(self.batch, self.model, cabling, self.unit, rows) if self.sinks and len(self.with_memory) else None
         )
-        self._rows_of_jacobian = [
-            slice(start, start + count)
-            for start, count in zip(self.model.ten_J_rowadr, self.model.ten_J_rownnz, strict=True)
-        ]
+        self._entries = np.repeat(np.arange(self.model.ntendon), self.model.ten_J_rownnz)
         self.net, self.rotations = np.zeros((rows, self.model.nv)), np.zeros((rows, 3, 3))
 
     def _name_fields(self) -> None:
@@ -221,8 +218,9 @@ class Simulations:
             self._before, duration = before, _ = memory or (Memory.fresh(robot, (rows,)), 0.0)
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         if not self.given:
-            division = straight(felt_at_exit(cabling))
-            self.division = ChainDivision(*(np.tile(part, (rows, 1, 1)) for part in division))
+            if self.heavy:
+                division = straight(felt_at_exit(cabling))
+                self.division = ChainDivision(*(np.tile(part, (rows, 1, 1)) for part in division))
             self._let_out(self.all)
         load = np.maximum(robot.weight, np.abs(self.wrenches / robot.units).max(1))
         if not load.all():  # the largest force of the cables on each other
@@ -551,12 +549,12 @@ class Simulations:
         qfrc_spring = -J' f, hence f = -(J . qfrc_spring) / (J . J). Where J vanishes, at an anchor on its exit, the
         spring's force vanishes too.
         """
-        pulls, springs = np.empty((len(at), len(sets))), self._alone(at, sets)
-        for k, tendons_of in enumerate(sets):
-            entries = self._rows_of_jacobian[tendons_of[0]]
-            row, force = self._jacobian[at, entries], springs[:, k][:, self.model.ten_J_colind[entries]]
-            row, force = np.ascontiguousarray(row), np.ascontiguousarray(force)  # sums of many as of one
-            pulls[:, k] = -(row * force).sum(1) / np.maximum((row * row).sum(1), np.finfo(float).tiny)
+        if self.heavy:  # wheels may have turned
+            self.batch.forward(at, stage=POSITIONS)
+        jacobian, springs = np.zeros((len(at), self.model.ntendon, self.model.nv)), self._alone(at, sets)
+        jacobian[:, self._entries, self.model.ten_J_colind] = self._jacobian[at]
+        ways = np.ascontiguousarray(jacobian[:, [tendons[0] for tendons in sets]])
+        pulls = -(ways * springs).sum(2) / np.maximum((ways * ways).sum(2), np.finfo(float).tiny)
         return pulls * self.unit + 0.0  # no negative zero
 
     def _alone(self, at: Rows, sets: Sequence[Int[np.ndarray, " n"]]) -> Float[np.ndarray, "some sets dofs"]:
@@ -576,7 +574,6 @@ class Simulations:
             places = self._elsewhere(at, len(some), self.qpos[at, None], alone)
             self.batch.forward(np.arange(places.start, places.stop), stage=VELOCITIES)
             found[:, first : first + len(some)] = self._pulls[places].reshape(len(at), len(some), -1)
-        self.batch.forward(at, stage=VELOCITIES)
         return found
 
     def _elsewhere(
