@@ -194,10 +194,10 @@ class Simulations:
             InvalidInput: a wrench on a model without a body ``origin``.
         """
         robot, cabling, rows = self.robot, self.robot.cabling, len(self.all)
-        if starts is None:
-            self._from = problems.positions, problems.rotations
-        else:
-            self._from = starts.translation, starts.rotation.as_matrix()
+        placed = problems.positions, problems.rotations
+        if starts is not None:
+            placed = starts.translation, starts.rotation.as_matrix()
+        self._from = np.broadcast_to(placed[0], (rows, 3)), np.broadcast_to(placed[1], (rows, 3, 3))
         self.rest_lengths, self.axial_stiffness, self.wrenches = (
             np.array(np.broadcast_to(numbers, (rows, each)), order="C")  # one row is summed as many are
             for numbers, each in (
@@ -239,7 +239,7 @@ class Simulations:
             return
         self.reset(at)
         robot, chains = self.robot, self.chains
-        positions, rotations = (np.broadcast_to(part, (len(self.all), *part.shape[1:]))[at] for part in self._from)
+        positions, rotations = (part[at] for part in self._from)
         coordinates = coordinates_of(robot, positions, rotations)
         self.qpos[at, : coordinates.shape[1]] = coordinates
         if self.heavy:
