@@ -68,8 +68,9 @@ def measured() -> dict[str, float]:
 def settlings(robot: cdpr.Robot) -> dict[str, float]:
     """Of one robot: one by one, many, and along a path."""
     random, many = np.random.default_rng(0), MANY if not robot.linear_density.any() else HEAVY
-    poses, path = random.uniform(*robot.workspace, (ONE, 3)), robot.home + np.linspace([0, 0, 0], [0.05, 0, 0], 9)
-    rows = random.uniform(*robot.workspace, (many, 3))
+    lower, upper = robot.workspace
+    poses, path = random.uniform(lower, upper, (ONE, 3)), robot.home + np.linspace([0, 0, 0], [0.05, 0, 0], 9)
+    rows = random.uniform(lower, upper, (many, 3))
     return {
         "settle": spent(lambda: [cdpr.settle(robot, pose) for pose in poses], ONE),
         "settle_many": spent(lambda: cdpr.settle_many(robot, rows, threads=1), many),
@@ -129,7 +130,7 @@ def rests() -> dict[str, dict[str, Any]]:
             one = cdpr.settle_many(cdpr.Problems.stack([problem]), threads=1)
             seconds += time.process_time() - start
             place = one.positions[0] / problem.rest_lengths.mean(), one.rotations[0].ravel()
-            rows.append((int(one.status[0]), np.concatenate(place).tolist(), float(one.stiffness[0, 0])))
+            rows.append((int(one.status[0]), np.concatenate(place).tolist(), float(one.eigenvalues[0, 0])))
         found[name] = {"seconds": seconds, "rows": rows}
     return found
 
