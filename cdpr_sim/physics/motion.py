@@ -39,7 +39,7 @@ from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked
 from cdpr_sim.physics.rope_motion import RopeMotion
-from cdpr_sim.physics.simulations import SHORTEST_FREE, UNUSED, Observation, Simulations, matrices
+from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
 
 CHAINS = 0.6
 """θ of motions on chains: above a half, so that oscillations of their masses that the steps do not resolve decay to two
@@ -53,6 +53,9 @@ ROUNDING = 1e-9
 
 NEAREST = 1e-9
 """Least strain of a chain's segment that limits a step."""
+
+SHORTEST_FREE = 0.1
+"""Least free length of a first segment that damping assumes, in radii of its wheel."""
 
 SWITCHED_OFF = UNUSED | mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
 """Stages of MuJoCo that our models do not need, and its reset of a simulation that became unstable."""

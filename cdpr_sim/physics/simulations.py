@@ -68,9 +68,6 @@ HELD = 1e6
 """Inertia of a wheel about its axis, as a multiple of the platform's: MuJoCo does not rotate it between two updates.
 At equilibrium its torque must vanish too: it is part of the residual."""
 
-SHORTEST_FREE = 0.1
-"""Least free length of a first segment that damping assumes, in radii of its wheel."""
-
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion w x y z without rotation."""
 
@@ -732,11 +729,11 @@ def refuse_own_masses(problems: Problems) -> None:
         raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
 
 
-_idle: dict[Robot, Simulations] = {}
-"""Cache of simulations of one row: building one takes as long as a settling."""
+_idle: dict[tuple[Robot, int, int], Simulations] = {}
+"""Cache of simulations by robot, rows and threads: building one takes as long as a settling."""
 
-MOST_IDLE = 16
-"""Number of robots whose simulations are cached."""
+MOST_IDLE, MOST_ROWS = 16, 64
+"""Largest number of simulations that are cached, and of their rows."""
 
 
 @contextmanager
@@ -762,15 +759,15 @@ def simulations_of(
     """
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
-    reusable = model is None and rows == 1
-    found = _idle.pop(robot, None) if reusable else None  # removed, so that no other thread can use it
+    reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
+    found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():
         if found is None:
             found = Simulations(robot, rows, model=model, threads=threads)
         found.start(problems, starts, memory)
         yield found
     if reusable:
-        _idle[robot] = found
+        _idle[key] = found
         while len(_idle) > MOST_IDLE:
             _idle.pop(next(iter(_idle)), None)
 
