@@ -207,6 +207,8 @@ def test_a_tendon_that_changes_its_side_keeps_a_body_in_motion():
         mujoco.mj_step(model, data)
         speeds.append(abs(float(data.qvel[0])))
     assert max(speeds[-100:]) > 0.1
+    (finding,) = [one for one in cdpr.diagnose_model(model) if one.kind is cdpr.FindingKind.NO_REST]
+    assert finding.remedy.startswith("give the tendon's geom a sidesite")
     one_side = mujoco.MjModel.from_xml_string(FLIPS.format(' sidesite="right"'))
     found = cdpr.settle_model(one_side)
     assert found.stable
