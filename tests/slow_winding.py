@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 import cdpr_sim as cdpr
-from cdpr_sim.physics.batch import _model_of, unit_of
 from cdpr_sim.physics.mjcf import place
+from cdpr_sim.physics.simulations import _generated, unit_of
 
 STEP, DAMPING = 0.02, 1.5
 """Time step, in 1/omega of a pendulum as long as the cables, and its damping ratio."""
@@ -28,7 +28,7 @@ class Winding:
     """
 
     def __init__(self, robot: cdpr.Robot, start: cdpr.EquilibriumPath) -> None:
-        self.robot, self.model = robot, _model_of(robot)
+        self.robot, self.model = robot, _generated(robot, True)[0]
         self.data = mujoco.MjData(self.model)
         self.rest = start.rest_lengths[-1].copy()
         place(self.model, self.data, robot, start.poses[-1])

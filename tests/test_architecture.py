@@ -67,7 +67,7 @@ CREEP_OF_MODELS = {"anymodel.evidence", "anymodel.model_equilibrium", "report.as
 """They name the creep of MuJoCo's constraints."""
 
 NAME_A_PROPERTY = {
-    "analysis.workspace.sweep", "physics.sagging.chain_simulations", "physics.track", "physics.winches",
+    "analysis.workspace.sweep", "physics.simulations", "physics.track", "physics.winches",
 }  # fmt: skip
 """Other modules that name a property of cables: 53 once, at most 10, and the number can only go down."""
 

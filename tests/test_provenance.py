@@ -22,9 +22,9 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import compare as comparing
 from cdpr_sim.crosscheck import layout_validation as proving
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
-from cdpr_sim.physics.batch import Observation
 from cdpr_sim.physics.motion import Motion
 from cdpr_sim.physics.release import Release
+from cdpr_sim.physics.simulations import Observation
 from cdpr_sim.report import robot_summary
 
 FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}

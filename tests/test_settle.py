@@ -219,7 +219,7 @@ def test_beside_platforms_that_fall_or_spin_only_those_at_rest_are_settled():
     assert found[4].stable
     for row, words in {
         0: "every exit lies below the platform, which falls",
-        1: r"no equilibrium was reached within the .* time steps \(\d+ time steps, \d.* N still unbalanced\)",
+        1: r"no equilibrium was reached within the .* steps \(\d+ steps, \d.* N still unbalanced\)",
         3: "the simulation in MuJoCo became unstable",
     }.items():
         with pytest.raises(cdpr.NotSettled, match=words):
@@ -246,7 +246,7 @@ def test_mujocos_warnings_become_not_settled_and_leave_no_log(tmp_path, monkeypa
 
 
 def test_progress_is_said_when_asked_and_an_interrupt_changes_nothing(monkeypatch):
-    """Time steps and what is unbalanced, and of many poses which; after Ctrl-C, the next settling is the same."""
+    """Steps and what is unbalanced, and of many poses which; after Ctrl-C, the next settling is the same."""
     taut = cdpr.Problem.of(cdpr.load_robot("cogiro").replace(**MASS), POSE)
     shown, said, before = [], [], cdpr.settle(taut)
 
@@ -259,7 +259,7 @@ def test_progress_is_said_when_asked_and_an_interrupt_changes_nothing(monkeypatc
     cdpr.settle_many(cdpr.Problems.stack([taut] * 2), progress=True)
     cdpr.settle(taut)
     assert shown == [True, False]
-    assert re.fullmatch(r"MuJoCo settles the platform: pose 1 of 2: 5 time steps, \S+ N of 3.92 N unbalanced", said[0])
+    assert re.fullmatch(r"MuJoCo settles the platform: pose 1 of 2: 1 steps, \S+ N of 3.92 N unbalanced", said[0])
     assert any("pose 2 of 2" in words for words in said)
 
     @contextlib.contextmanager

@@ -69,7 +69,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
             characteristic length; 0 at equilibrium.
         eigenvalues: eigenvalues of the stiffness matrix on the free directions, ascending [N/m], rotations scaled by
             the characteristic length.
-        iterations: Newton iterations, function evaluations (SEECR) or time steps (MuJoCo).
+        iterations: Newton iterations, function evaluations (SEECR) or steps (MuJoCo).
         source: "newton", "seecr/fsolve", "seecr/least_squares", "mujoco".
     """
 
@@ -169,7 +169,7 @@ class _NoEquilibrium(CdprError):
     @classmethod
     def because(cls, status: Status, point: Equilibrium) -> _NoEquilibrium:
         """Exception for a status, with its sentence and the residual of the point."""
-        counted = "time steps" if point.source == "mujoco" else "iterations"
+        counted = "steps" if point.source == "mujoco" else "iterations"
         robot, where = point.problem.robot, ""
         evidence = f"{point.iterations} {counted}"
         if np.isfinite(point.residual):

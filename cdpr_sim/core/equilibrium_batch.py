@@ -37,7 +37,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
         lengths: (..., cables) [m].
         tensions: tensions of the ropes at their anchors, (..., cables) [N]; ``pulls`` are the forces on the platform.
         residuals: (...) largest unbalanced force [N], torques divided by the characteristic length.
-        iterations: (...) Newton iterations, or time steps.
+        iterations: (...) Newton iterations, or steps in MuJoCo.
         status: (...) a ``Status`` each.
         source: "newton" or "mujoco".
         stiffness: the eigenvalues, or a function that computes them at their first use.

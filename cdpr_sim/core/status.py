@@ -30,7 +30,7 @@ class Status(enum.IntEnum):
 
     PENDING = -1, "not computed yet"
     CONVERGED = 0, "forces balance"
-    ITERATION_LIMIT = 1, "no equilibrium was reached within the allowed iterations or time steps"
+    ITERATION_LIMIT = 1, "no equilibrium was reached within the allowed iterations or steps"
     STALLED = 2, "no step lowers the energy any more, but forces do not balance to tolerance"
     NOT_FINITE = 3, "the input is not finite, or a cable is shorter than rounding"
     FALLS = 4, "every exit lies below the platform, which falls since cables cannot push"

@@ -24,7 +24,7 @@ QUANTITIES = {
     "settled_tensions": Quantity(("cable",), float, "N", "cable tensions in MuJoCo, at the platform"),
     "settled_eigenvalues": Quantity(("mode",), float, "N m-1", "eigenvalues of the stiffness in MuJoCo, ascending"),
     "settled_residual": Quantity((), float, "N", "largest unbalanced force in MuJoCo"),
-    "settled_steps": Quantity((), np.int32, "1", "time steps and Newton steps in MuJoCo"),
+    "settled_steps": Quantity((), np.int32, "1", "steps in MuJoCo, of time and of Newton"),
     "settled_status": Quantity(
         (), np.int8, "1", "how the settling ended", {int(one): one.name.lower() for one in Status}
     ),

@@ -28,13 +28,12 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
-from cdpr_sim.physics.batch import Observation
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
 from cdpr_sim.physics.motion import CALM, Motion
 from cdpr_sim.physics.quiet import quiet
-from cdpr_sim.physics.sagging.settle_chains import at_rest, single
-from cdpr_sim.physics.settle import settle, weighs, without_weight
+from cdpr_sim.physics.settle import at_rest, settle, single, weighs, without_weight
+from cdpr_sim.physics.simulations import Observation
 
 STATES = 301
 """Default number of states of a trajectory: ten seconds of video at 30 frames a second."""

@@ -2,7 +2,7 @@
 
 Otter and Day 1960; Underwood 1983. Only the equilibrium matters and not the time to reach it: true mass, inertia and
 cables, from the commanded pose at zero velocity, in a medium of adaptive damping, with adaptive time steps. The last
-part, where only the equilibrium beside the platform is possible, is Newton's method (``newton_finish``).
+part, where only the equilibrium beside the platform is possible, is Newton's method (``settling``).
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -11,25 +11,19 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from mujoco.batch import SimulationError
 
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
-from cdpr_sim.physics.batch import MOST_IDLE, SimulationReading, Simulations
-from cdpr_sim.physics.newton_finish import finish
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.simulations import MOST_IDLE, Rows, Simulations
 
-RESIDUAL = 1e-9
-"""Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
-larger)."""
-
-ROUNDING = 2 * np.finfo(float).eps
-"""Relative accuracy of a cable's force, in EA: the rounding of a length, times EA/l0."""
+Frames = list[tuple[float, np.ndarray]]
+"""(time, qpos) at every step of a motion."""
 
 SPEED = 1e-6
 """Largest speed at equilibrium, as a fraction of (cable length x angular frequency): at it, crossing the frame takes
@@ -38,10 +32,6 @@ days."""
 STEPS = 30_000
 """Time steps after which a platform counts as not converging. DemoBot needs a hundred; sliding along stiff cables,
 thousands."""
-
-NUDGES = 3
-"""Number of pushes of a platform that is balanced on a saddle. One that returns each time counts as stable after
-all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
 
 CHUNK = 13
 """Time steps between two evaluations of the residual; odd, so that a velocity that alternates at every step is
@@ -89,36 +79,38 @@ class Relaxation:
       Then the step grows and the damping falls.
     - *oscillating*: the force has another direction: in such a long step, cables go slack and taut again. Then the step
       shrinks and the damping grows.
+
+    Args:
+        simulations: the platforms.
+        target: largest unbalanced force of an equilibrium [N].
+        steps: of the rows, counted here.
+        status: of the rows, set here.
+        finish: moves rows to the equilibria beside them; returns which reach them.
+        frames: collects every step of the first row, if given; then no row is finished.
     """
 
-    def __init__(self, simulations: Simulations, frames: list[tuple[float, np.ndarray]] | None) -> None:
-        self.simulations, self.frames = simulations, frames
-        robot = simulations.robot
-        rest_lengths = simulations.rest_lengths
-        self.reach = rest_lengths.max(1)
-        wrenches = np.abs(simulations.wrenches)
-        self.load = np.maximum(
-            robot.weight, np.maximum(wrenches[:, :3].max(1), wrenches[:, 3:].max(1) / simulations.length)
-        )
-        simulations.qvel[:] = 0
-        simulations.batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        # Without gravity or wrench the load is the largest force of the cables on each other.
-        stiffness = simulations.springs * rest_lengths * simulations.unit
-        self.load = np.where(self.load > 0, self.load, IDLE_STRAIN * stiffness.mean(1))
-        self.length = rest_lengths.mean(1)
-        pull = simulations.pull
+    def __init__(
+        self,
+        simulations: Simulations,
+        target: Float[np.ndarray, " rows"],
+        steps: Int[np.ndarray, " rows"],
+        status: Int[np.ndarray, " rows"],
+        finish: Callable[[Rows], Bool[np.ndarray, " some"]],
+        frames: Frames | None,
+    ) -> None:
+        self.simulations, self.target, self.steps, self.status = simulations, target, steps, status
+        self.finish, self.frames = finish, frames
+        robot, self.load, rows = simulations.robot, simulations.load, len(simulations.all)
+        self.length, self.reach = simulations.rest_lengths.mean(1), simulations.rest_lengths.max(1)
+        simulations.batch.forward(simulations.all, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        pull = simulations.pull(simulations.all)
         self.strained = pull > STRAINED * self.load
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
-        rounding = ROUNDING * stiffness.max(1)
-        self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
         self.own_inertia, self.inertia_added = inertias(robot), False
-        self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
+        self.inertia = np.tile(self.own_inertia, (rows, 1))
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
         self._add_inertia(np.where(self.strained[:, None], np.maximum(needed[:, None] - turning, 0), 0))
-        rows = len(simulations.qpos)
-        self.steps = np.zeros(rows, dtype=int)
-        self.status = np.full(rows, Status.ITERATION_LIMIT.value)
         self.limit = np.full(rows, STEPS)
         self.live = np.ones(rows, dtype=bool)
         self.start = simulations.qpos.copy()
@@ -128,7 +120,7 @@ class Relaxation:
         self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
         self.rattles = np.zeros(rows, dtype=int)
-        self.ready = READY * self.load
+        self.residual, self.ready = np.zeros(rows), READY * self.load
         self.moving = self.start.copy(), np.zeros_like(simulations.qvel)  # before Newton's method
         self.finished = np.zeros(rows, dtype=bool)
         if frames is not None:
@@ -136,89 +128,88 @@ class Relaxation:
 
     def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
         """Move ``rows`` on with a small velocity along an unstable direction, as any disturbance would."""
-        simulations = self.simulations
-        speed = 1e-3 * self.swing * self.reach
-        velocity = directions * (speed * np.where(directions.sum(1) < 0, -1, 1))[:, None]
-        velocity[:, simulations.angular] /= simulations.length
-        if simulations.free == 6:
-            velocity[:, 3:] = np.einsum("nji,nj->ni", simulations.rotations, velocity[:, 3:])
-        simulations.qvel[rows, : simulations.free] = velocity[rows]
+        simulations, at = self.simulations, np.flatnonzero(rows)
+        speed = 1e-3 * self.swing[at] * self.reach[at] * np.where(directions[at].sum(1) < 0, -1, 1)
+        simulations.qvel[at] = simulations.in_dofs(at, directions[at] * speed[:, None])
         self._set_off(rows, self.qpos)
-        self.run()
 
     def again(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Start ``rows`` again from their initial pose, overdamped."""
         self.least_damping[rows] = OVERDAMPED
-        self.simulations.reset(rows)
-        self._set_off(rows, self.start)
+        self.simulations.reset(np.flatnonzero(rows))
         if self.frames is not None:
             self.frames[:] = self.frames[:1]
+        self._set_off(rows, self.start)
 
     def _set_off(self, rows: Bool[np.ndarray, " rows"], qpos: Float[np.ndarray, "rows coordinates"]) -> None:
         self.simulations.qpos[rows] = qpos[rows]
-        self.simulations.hold(rows)
-        self.live |= rows
-        self.status[rows] = Status.ITERATION_LIMIT
+        self.simulations.follow(np.flatnonzero(rows))
         self.step[rows], self.ratio[rows] = FIRST_STEP, np.maximum(FIRST_DAMPING, self.least_damping[rows])
         self.best[rows], self.patience[rows] = np.inf, 0
         self.limit[rows] = self.steps[rows] + STEPS
         self.ready[rows], self.finished[rows] = READY * self.load[rows], False
+        self._go(rows)
 
     def resume(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Let ``rows`` that Newton's method finished move on from where it began, without it."""
         simulations = self.simulations
         simulations.qpos[rows], simulations.qvel[rows] = self.moving[0][rows], self.moving[1][rows]
-        simulations.follow(rows)
+        simulations.follow(np.flatnonzero(rows))
+        self.ready[rows], self.finished[rows] = 0.0, False
+        self._go(rows)
+
+    def _go(self, rows: Bool[np.ndarray, " rows"]) -> None:
         self.live |= rows
         self.status[rows] = Status.ITERATION_LIMIT
-        self.ready[rows], self.finished[rows] = 0.0, False
+        self.run()
 
     def run(self) -> None:
         """Move the live rows until each has reached equilibrium or its limit."""
         simulations = self.simulations
         while self.live.any():
             if self.strained.any():
-                load = np.where(self.strained, np.maximum(simulations.pull, self.load), self.load)
-                self.swing = np.sqrt(load / simulations.robot.mass / self.length)
-            simulations.timestep[:] = self.step / self.swing
+                pull = np.maximum(simulations.pull(simulations.all), self.load)
+                self.swing = np.sqrt(np.where(self.strained, pull, self.load) / simulations.robot.mass / self.length)
+            simulations.timestep[: len(self.live)] = self.step / self.swing
             simulations.damping[:, : simulations.free] = (self.ratio * self.swing)[:, None] * self.twice_inertia
             np.copyto(self.qpos, simulations.qpos, where=self.live[:, None])
             self._advance()
             self._judge()
             self._adapt()
             self._finish()
-            simulations.follow(self.live)
+            simulations.follow(np.flatnonzero(self.live))
 
     def _advance(self) -> None:
-        batch = self.simulations.batch
+        batch, at = self.simulations.batch, np.flatnonzero(self.live)
         try:
             if self.frames is None:
-                batch.step(self.live, nstep=CHUNK)
+                batch.step(at, nstep=CHUNK)
             else:
                 for _ in range(CHUNK):
-                    batch.step(self.live)
+                    batch.step(at)
                     self.frames.append((float(batch.time[0]), self.simulations.qpos[0].copy()))
         except SimulationError as error:
-            self._end(np.isin(np.arange(len(self.live)), error.ids), Status.DIVERGED, self.qpos)
-        self.steps += CHUNK * self.live
-        if batch.warning[:, :, 1].any():
-            self._end(self.live & batch.warning[:, :, 1].any(1), Status.DIVERGED, self.qpos)
+            self._end(np.isin(self.simulations.all, error.ids), Status.DIVERGED, self.qpos)
+        self.steps[at] += CHUNK
+        warned = batch.warning[: len(self.live), :, 1].any(1)
+        if warned.any():
+            self._end(self.live & warned, Status.DIVERGED, self.qpos)
 
     def _judge(self) -> None:
-        simulations = self.simulations
-        self.residual = simulations.unbalanced
-        calm = self.live & (self.residual <= self.target)
-        if calm.any():
+        simulations, at = self.simulations, np.flatnonzero(self.live)
+        simulations.take_over(at)
+        self.residual[at] = simulations.unbalanced(at)
+        calm = at[self.residual[at] <= self.target[at]]
+        if len(calm):
             # These are the forces of one time step ago, at a velocity: evaluate them again at zero velocity.
-            speed = np.abs(simulations.qvel[:, : simulations.free])
+            speed = np.abs(simulations.qvel[calm, : simulations.free])
             speed[:, simulations.angular] *= simulations.length
-            calm &= speed.max(1) <= SPEED * self.swing * self.reach
-            velocity = simulations.qvel.copy()
-            simulations.qvel[calm] = 0
-            simulations.follow(calm)
-            simulations.batch.forward(calm)
-            at_rest = calm & (simulations.unbalanced <= self.target)
-            simulations.qvel[:] = np.where(at_rest[:, None], 0, velocity)
+            calm = calm[speed.max(1) <= SPEED * self.swing[calm] * self.reach[calm]]
+            velocity = simulations.qvel[calm]
+            rests = simulations.residuals(calm) <= self.target[calm]
+            simulations.qvel[calm[~rests]] = velocity[~rests]
+            at_rest = np.zeros_like(self.live)
+            at_rest[calm[rests]] = True
             self._end(at_rest, Status.CONVERGED, simulations.qpos)
         stalled = self.live & (self.steps >= self.limit)
         if stalled.any():
@@ -226,15 +217,16 @@ class Relaxation:
 
     def _finish(self) -> None:
         """Let rows near their equilibrium reach it by Newton's method, unless the motion itself is wanted."""
-        ready = self.live & (self.residual < self.ready)
-        if self.frames is not None or not ready.any():
+        at = np.flatnonzero(self.live & (self.residual < self.ready))
+        if self.frames is not None or not len(at):
             return
-        self.ready[ready] = AGAIN * self.residual[ready]
-        self.moving[0][ready], self.moving[1][ready] = self.simulations.qpos[ready], self.simulations.qvel[ready]
-        taken = finish(self.simulations, ready, self.target)
-        self.steps += taken
-        self.finished |= taken > 0
-        self._end(taken > 0, Status.CONVERGED, self.simulations.qpos)
+        simulations = self.simulations
+        self.ready[at] = AGAIN * self.residual[at]
+        self.moving[0][at], self.moving[1][at] = simulations.qpos[at], simulations.qvel[at]
+        reached = np.zeros_like(self.live)
+        reached[at] = self.finish(at)
+        self.finished |= reached
+        self._end(reached, Status.CONVERGED, simulations.qpos)
 
     def _end(self, rows: Bool[np.ndarray, " rows"], status: Status, qpos: np.ndarray) -> None:
         self.live &= ~rows
@@ -246,7 +238,7 @@ class Relaxation:
         better = self.residual < BETTER * self.best
         slow = ~better
         if slow.any():
-            force = self.simulations.accelerating / self.root_inertia
+            force = self.simulations.net[:, : self.simulations.free] / self.root_inertia
             slow &= parallel(force, velocity) & parallel(velocity, self.velocity)
         self.velocity = velocity
         going = better | slow
@@ -274,31 +266,6 @@ class Relaxation:
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
         self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
-
-
-def settled(
-    relaxation: Any, reading: SimulationReading, read: Callable[[], SimulationReading]
-) -> dict[str, np.ndarray]:
-    """Columns of an ``EquilibriumBatch`` after a relaxation, with a nudge of platforms that are at saddles.
-
-    Args:
-        relaxation: a ``Relaxation``, or the ``ChainRelaxation`` of cables with mass.
-        reading: the state after it.
-        read: reads the state again.
-    """
-    robot = relaxation.simulations.robot
-    for _ in range(NUDGES):
-        saddles = (relaxation.status == Status.CONVERGED) & reading.unstable
-        if not saddles.any():
-            break
-        relaxation.nudge(saddles, reading.softest)
-        reading = read()
-    beyond = robot.cabling.beyond_law(reading.lengths, relaxation.simulations.rest_lengths).any(1)
-    relaxation.status[beyond] = Status.OVERSTRAINED
-    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
-    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
-    columns = {name: getattr(reading, name) for name in ("positions", "rotations", "lengths", "tensions", "residuals")}
-    return columns | {"stiffness": reading.eigenvalues, "iterations": relaxation.steps, "status": relaxation.status}
 
 
 def parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:

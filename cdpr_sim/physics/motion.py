@@ -36,11 +36,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.physics.batch import UNUSED, Observation, matrices
 from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked
 from cdpr_sim.physics.rope_motion import RopeMotion
-from cdpr_sim.physics.sagging.chain_simulations import SHORTEST_FREE, ChainSimulations
+from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
 
 CHAINS = 0.6
 """θ of motions on chains: above a half, so that oscillations of their masses that the steps do not resolve decay to two
@@ -54,6 +53,9 @@ ROUNDING = 1e-9
 
 NEAREST = 1e-9
 """Least strain of a chain's segment that limits a step."""
+
+SHORTEST_FREE = 0.1
+"""Least free length of a first segment that damping assumes, in radii of its wheel."""
 
 SWITCHED_OFF = UNUSED | mujoco.mjtDisableBit.mjDSBL_AUTORESET.value
 """Stages of MuJoCo that our models do not need, and its reset of a simulation that became unstable."""
@@ -87,7 +89,7 @@ class Motion:
 
     def __init__(
         self,
-        simulation: ChainSimulations,
+        simulation: Simulations,
         longest: float,
         *,
         viscosity: float = 0.0,
@@ -109,7 +111,7 @@ class Motion:
         self._theta = CHAINS if self._heavy and theta is None else theta
         # A cable that is slack at the beginning of a step may carry its share of the load at the end.
         self._least = float(simulation.load[row]) / self.robot.cables
-        if not self._heavy:  # gyroscopic torques are implicit as well
+        if self._theta is None:  # gyroscopic torques are implicit as well
             model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
         self.data = data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = simulation.qpos[row], simulation.qvel[row]
@@ -131,18 +133,20 @@ class Motion:
     def _name_fields(self) -> None:
         """Views of MuJoCo's arrays, and the tendons' own numbers."""
         model, data, simulation, row = self.model, self.data, self.simulation, self.row
+        self._options = model.opt
         self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
         self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
         self._jacobian = np.zeros((model.ntendon, model.nv))
         self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
-        self._stiffness, self._further = simulation.springs[row].copy(), simulation.polynomials[row].copy()
+        self._stiffness, self._further = simulation.stiffnesses[row].copy(), simulation.further[row].copy()
         self._bands, self._wound = simulation.bands[row, :, 1].copy(), self.let_out if simulation.given else None
         others = np.ones(model.ntendon, dtype=bool)
         others[simulation.tendons] = False
         self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
         self._springs = model.tendon_lengthspring[:, 1], model.tendon_stiffness
         self._law, self._linear = Law.of(self.robot.cabling), self.robot.cabling.linear
+        self._resilient = not (self._heavy or self._cable_damping or len(simulation.with_memory))  # springs alone
         self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
         self._foreign = simulation.first[simulation.with_memory]
         self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
@@ -214,10 +218,14 @@ class Motion:
         """One step, at whose end winches have let out the ``wanted`` lengths [m]."""
         qvel = self._qvel
         self._rates = (wanted - self.let_out) / step
-        acceleration = self._accelerated(step)
-        later = qvel + self._later(step) * acceleration
-        qvel += step * acceleration
-        mujoco.mj_integratePos(self.model, self._qpos, later, step)
+        if self._later(step) == step:
+            self._set_out(step)
+            mujoco.mj_step2(self.model, self.data)  # at θ = 1 a step of MuJoCo's is just this
+        else:
+            acceleration = self._accelerated(step)
+            later = qvel + self._later(step) * acceleration
+            qvel += step * acceleration
+            mujoco.mj_integratePos(self.model, self._qpos, later, step)
         self._locate()
         self._let_out(wanted, step)
 
@@ -292,19 +300,23 @@ class Motion:
 
     def _accelerated(self, step: float) -> Float[np.ndarray, " dofs"]:
         """The acceleration for a step, by MuJoCo's implicit integrator; the state does not change."""
-        model, data, qvel, self._some_motors = self.model, self.data, self._qvel, bool(self.motors.any())
-        self._evaluated = qvel.copy(), step
-        later = self._later(step)
-        if self._theta is not None:  # springs of the instant at which they act
-            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
-        self._pull_by(later)
-        model.opt.timestep = later
-        qpos, before = self._qpos.copy(), qvel.copy()
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_step2(model, data)
+        qvel, later = self._qvel, self._set_out(step)
+        self._evaluated = before, _ = qvel.copy(), step
+        qpos = self._qpos.copy()
+        mujoco.mj_step2(self.model, self.data)
         acceleration = (qvel - before) / later
         self._qpos[:], qvel[:] = qpos, before
         return acceleration
+
+    def _set_out(self, step: float) -> float:
+        """Forces and dampers for a step, and τ as the time step of MuJoCo's integrator; returns τ [s]."""
+        later, self._some_motors = self._later(step), bool(self.motors.any())
+        if self._theta is not None:  # springs of the instant at which they act
+            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
+        self._pull_by(later)
+        self._options.timestep = later
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        return later
 
     def _pull_by(self, later: float) -> Float[np.ndarray, " tendons"]:
         """Dampers, and forces that MuJoCo's springs do not have, for a step of τ = ``later`` [s].
@@ -312,7 +324,7 @@ class Motion:
         Returns:
             Pulls at the present velocities [N], without what dampers of springs add.
         """
-        simulation, velocity, winding = self.simulation, self._jacobian @ self._qvel, self._winding()
+        simulation = self.simulation
         stretch = self._lengths - self._bands
         taut = stretch > 0
         if self._linear:
@@ -321,11 +333,19 @@ class Motion:
         else:
             pull, slope = Springs(self._stiffness, *self._further.T).force(taut * stretch)
             slope *= taut
-        drag, resisting, extra = self._cable_damping * slope, None, None
+        resisting, extra = None, None
         if self._theta is not None:
-            nearly = ~taut & (stretch + later * velocity > 0)  # it gets taut within the step
-            extra = nearly * self._stiffness * stretch
-            resisting = later * (slope + nearly * self._stiffness)
+            resisting = later * slope
+            if not taut.all():
+                nearly = (stretch + later * (self._jacobian @ self._qvel) > 0) & ~taut  # it gets taut within the step
+                if nearly.any():
+                    extra = nearly * self._stiffness * stretch
+                    resisting += later * nearly * self._stiffness
+        if self._resilient and not self._some_motors:
+            self._applied[:] = 0.0 if extra is None else -extra @ self._jacobian
+            self._dampers[:] = 0.0 if resisting is None else resisting
+            return pull
+        drag, velocity, winding = self._cable_damping * slope, self._jacobian @ self._qvel, self._winding()
         if self._ropes is not None:
             own, slides = self._foreign, (self.motors & ~self._sticks)[simulation.with_memory]
             extra = np.zeros_like(pull) if extra is None else extra

@@ -190,23 +190,11 @@ class Swivels:
     def __len__(self) -> int:
         return len(self.cables)
 
-    def turns(
-        self,
-        positions: Float[np.ndarray, "*rows bodies 3"],
-        matrices: Float[np.ndarray, "*rows bodies 9"],
-        sites: Float[np.ndarray, "*rows sites 3"],
-    ) -> Float[np.ndarray, "*rows pulleys"]:
-        """Angle by which each wheel has to rotate about its axis to face its anchor [rad], from MuJoCo's positions."""
-        return self._turns(positions, matrices, sites[..., self.anchors, :])
-
-    def _turns(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "*rows n"]:
-        seen = self._seen(positions, matrices, seen)
-        return np.arctan2(seen[..., 1], seen[..., 0])
-
     def face(self, model: mujoco.MjModel, data: mujoco.MjData, *, anchors: bool = False) -> None:
         """Turn each wheel of a single simulation towards its site, or its anchor; ``mj_kinematics`` has to follow."""
         mujoco.mj_kinematics(model, data)
-        turns = self._turns(data.xpos, data.xmat, data.site_xpos[self.anchors if anchors else self.faced])
+        seen = self._seen(data.xpos, data.xmat, data.site_xpos[self.anchors if anchors else self.faced])
+        turns = np.arctan2(seen[..., 1], seen[..., 0])
         if len(self.coordinates):
             data.qpos[self.coordinates] += turns
         else:

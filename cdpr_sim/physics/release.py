@@ -19,13 +19,12 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.chains import refuse_short
+from cdpr_sim.physics.derivatives import Derivatives
 from cdpr_sim.physics.drive import duration
 from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
 from cdpr_sim.physics.motion import CALM, Motion
 from cdpr_sim.physics.quiet import quiet
-from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
-from cdpr_sim.physics.sagging.settle_chains import at_rest, single
-from cdpr_sim.physics.settle import settle, weighs, without_weight
+from cdpr_sim.physics.settle import at_rest, settle, single, weighs, without_weight
 
 NUDGE = 1e-6
 """[m] Displacement of a platform along its direction of least stiffness before the release. Less than most taut cables'
@@ -110,7 +109,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
         simulation = at_rest(problem, pose, held=True) if heavy else single(_massless(problem), pose)
         row = simulation.all
         simulation.residuals(row)
-        derivatives = ChainDerivatives.of(simulation, row)
+        derivatives = Derivatives.of(simulation, row)
         nudge = NUDGE * derivatives.stiffness()[1]
         step = simulation.in_dofs(row, nudge)
         step[:, simulation.slides] = derivatives.following(nudge)
@@ -158,9 +157,8 @@ def grow_gravity(
     with quiet():
         motion = Motion(single(light, problem.pose), TIMESTEP, viscosity=settling_air(light)[1], theta=CALM)
         steps = max(int(seconds / TIMESTEP), 1)
-        for step in range(steps):
-            motion.model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
-            motion.advance(TIMESTEP)
+        for step, _ in enumerate(motion.steps(steps * TIMESTEP), start=2):
+            motion.model.opt.gravity[2] = -robot.gravity * step / steps
     if any(warning.number for warning in motion.data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
     return settle(robot, motion.pose, problem.rest_lengths)

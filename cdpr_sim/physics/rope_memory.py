@@ -403,15 +403,20 @@ class RopeStep:
 
 
 class Elements:
-    """The elements of rows side by side in MuJoCo."""
+    """The elements of the first ``rows`` simulations side by side in MuJoCo.
 
-    def __init__(self, batch: Batch, model: mujoco.MjModel, cabling: Cabling, unit: float) -> None:
+    Attributes:
+        of: the tendons of each cable's elements, (cables, elements).
+        yields: ``springyield`` of all tendons of all simulations.
+    """
+
+    def __init__(self, batch: Batch, model: mujoco.MjModel, cabling: Cabling, unit: float, rows: int) -> None:
         cables, elements = len(cabling), elements_of(cabling)
         ids = slice(cables, cables + cables * elements)
-        self._unit, self.owners = unit, np.repeat(np.arange(cables), elements)
-        self.stiffnesses = batch.expand("tendon_stiffness")[:, ids]
-        self._yields, self._plastic = batch.expand("tendon_springyield")[:, ids], batch.bind("plastic")
-        self._lower = model.tendon_plasticadr[ids]
+        self._unit, self.of = unit, np.arange(ids.start, ids.stop).reshape(cables, elements)
+        self.yields = batch.expand("tendon_springyield")
+        self._stiffnesses, self._yields = batch.expand("tendon_stiffness")[:rows, ids], self.yields[:rows, ids]
+        self._plastic, self._lower = batch.bind("plastic"), model.tendon_plasticadr[ids]
 
     def hold(
         self,
@@ -435,11 +440,11 @@ class Elements:
         stretches = step.stretches(tendons - entries)
         springs, unstretched = step.springs(stretches), stretches <= 0
         softer = step.softer(springs)
-        shape = (int(rows.sum()), len(self.owners))
+        shape = (int(rows.sum()), self.of.size)
         yields = np.maximum(springs.bounds / softer[..., None], LEAST_YIELD)
         stiffnesses = np.where(unstretched[..., None], 0.0, springs.elements * softer[..., None] / self._unit)
         free = tendons[..., None] - springs.held / softer[..., None]
-        self._yields[rows], self.stiffnesses[rows] = yields[rows].reshape(shape), stiffnesses[rows].reshape(shape)
+        self._yields[rows], self._stiffnesses[rows] = yields[rows].reshape(shape), stiffnesses[rows].reshape(shape)
         where = np.flatnonzero(rows)[:, None]
         self._plastic[where, self._lower] = self._plastic[where, self._lower + 1] = free[rows].reshape(shape)
         straight = ~(step.compliance.astype(bool) | step.curved)

@@ -11,6 +11,8 @@ stiffness is the change of that force when the platform is displaced. ``dynamic_
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from contextlib import nullcontext
 
 import mujoco
 import numpy as np
@@ -19,22 +21,25 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, refuse_unless, whole
-from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.physics.batch import Simulations, simulations_of
 from cdpr_sim.physics.chains import refuse_short, too_short
-from cdpr_sim.physics.dynamic_relaxation import Relaxation, settled
-from cdpr_sim.physics.sagging import settle_chains as heavy
+from cdpr_sim.physics.dynamic_relaxation import Frames
+from cdpr_sim.physics.quiet import quiet
+from cdpr_sim.physics.settling import Settling
+from cdpr_sim.physics.simulations import Simulations, refuse_own_masses, simulations_of
 
-Frames = list[tuple[float, np.ndarray]]
-"""(time, qpos) at every step of a motion."""
+HEAVY_ROWS, ROWS = 256, 4096
+"""Rows that settle side by side, on chains and else: with more, each costs no less, and on chains they need 0.2 MB
+each."""
 
 
 def settle(
@@ -59,8 +64,7 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with its own springs, masses and gravity.
             Its names must be those of ``to_mjcf``.
-        progress: show the progress on standard error: where cables have mass it may take a minute. It stops after
-            30,000 time steps, or 2,000 longer ones near equilibrium.
+        progress: show the progress on standard error, where cables have mass.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
@@ -88,7 +92,8 @@ def settle_trajectory(
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
     ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium. Where
-    cables have mass, the motion begins after time 0, at the equilibrium with massless cables.
+    cables have mass, it is a motion in a viscous medium, begins at the equilibrium with massless cables, and its last
+    state is the equilibrium that ``settle`` finds.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.
@@ -107,20 +112,28 @@ def settle_trajectory(
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if weighs(problem.robot, model):
         refuse_short(problem.robot, problem.rest_lengths)
-        motion: heavy.Frames = []
         one = Problems.stack([problem])
-        columns, _ = heavy.released(one, settled_without_mass(one), model=model, frames=motion)
-        equilibrium = EquilibriumBatch(problems=one, **columns, source="mujoco")[0]
-        times, poses, lengths, tensions = zip(*motion, strict=True)
-        commands = Problems.stack([problem] * len(times))
-        at = RigidTransform.concatenate(list(poses))
-        return equilibrium, Trajectory.of(commands, np.array(times), at, np.array(lengths), np.array(tensions))
+        starts = settled_without_mass(one)
+        with simulations_of(one, starts, model=model) as simulations:
+            seen = [(motion.time, motion.look()) for motion in Settling(simulations).damped()]
+        equilibrium = _settled(one, starts, model=model)[0]
+        times = [time for time, _ in seen]
+        times.append(2 * times[-1] - times[-2])
+        read = {name: [getattr(state, name)[0] for _, state in seen] for name in ("poses", "lengths", "tensions")}
+        for name, column in read.items():
+            column.append(getattr(equilibrium, name.replace("poses", "pose")))
+        commands, at = Problems.stack([problem] * len(times)), RigidTransform.concatenate(read["poses"])
+        return equilibrium, Trajectory.of(
+            commands, np.array(times), at, np.array(read["lengths"]), np.array(read["tensions"])
+        )
     frames: Frames = []
     equilibrium = _settled(Problems.stack([problem]), model=model, frames=frames)[0]
     times, qpos = (np.array(column) for column in zip(*frames, strict=True))
     commands = Problems.stack([problem] * len(times))
-    with simulations_of(without_weight(commands), model) as simulations:
-        seen = simulations.observe(qpos)
+    with simulations_of(without_weight(commands), model=model) as simulations:
+        simulations.qpos[:] = qpos
+        simulations.follow(simulations.all)
+        seen = simulations.observe(simulations.all)
     return equilibrium, Trajectory.of(commands, times, seen.poses, seen.lengths, seen.tensions)
 
 
@@ -205,15 +218,24 @@ def residuals_of(
         model: the model to use instead of the generated one.
         threads: 0 for one per processor.
     """
-    if weighs(problems.robot, model):
-        return heavy.unbalanced(problems, poses, model=model, threads=threads)
-    with simulations_of(without_weight(problems), model, threads) as simulations:
-        simulations.place(poses.translation, poses.rotation.as_matrix())
-        return simulations.residuals()
+    found, possible = np.full(len(problems), np.nan), np.arange(len(problems))
+    heavy = weighs(problems.robot, model)
+    if heavy:
+        short = too_short(problems.robot, np.broadcast_to(problems.rest_lengths, (len(found), problems.robot.cables)))
+        possible = possible[~short.any(1)]
+    else:
+        problems = without_weight(problems)
+    for rows in _chunks(possible, heavy):
+        with simulations_of(problems.take(rows), poses[rows], model=model, threads=threads) as simulations:
+            rests = Settling(simulations).settle_held() if heavy else np.ones(len(rows), dtype=bool)
+            unbalanced = simulations.unbalanced if heavy else simulations.residuals
+            found[rows] = np.where(rests, unbalanced(simulations.all), np.nan)
+    return found
 
 
 def _settled(
     problems: Problems,
+    starts: RigidTransform | None = None,
     *,
     model: mujoco.MjModel | None = None,
     threads: int = 1,
@@ -224,46 +246,111 @@ def _settled(
     refuse_unless(mujoco.MjModel | None, model=model)
     if model is not None:
         problems.robot.cabling.refuse_memory()
-    if weighs(problems.robot, model):
-        starts = settled_without_mass(problems, threads)
-        with saying(progress) as say:
+    with saying(progress) if weighs(problems.robot, model) else nullcontext() as say:
 
-            def report(state: str) -> None:
-                say(f"MuJoCo settles the platform: {state}")
+        def report(state: str) -> None:
+            assert say is not None
+            say(f"MuJoCo settles the platform: {state}")
 
-            shown = report if progress else None
-            columns, _ = heavy.released(problems, starts, model=model, say=shown, threads=threads)
-    else:
-        with simulations_of(without_weight(problems), model, threads) as simulations:
-            columns = come_to_rest(simulations, frames)
+        shown = report if progress and say is not None else None
+        columns, _ = come_to_rest(problems, starts, model=model, threads=threads, frames=frames, say=shown)
     return EquilibriumBatch(problems=problems, **columns, source="mujoco")
 
 
-def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> dict[str, np.ndarray]:
-    """Move all rows from where they are to rest; columns of an ``EquilibriumBatch`` there."""
-    relaxation = Relaxation(simulations, frames)
-    relaxation.run()
-    reading = simulations.read(relaxation.qpos)
-    # Below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's.
-    lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
-    if lost.any():
-        relaxation.again(lost)
-        relaxation.run()
-        reading = simulations.read(relaxation.qpos)
-    unstable = relaxation.finished & (relaxation.status == Status.CONVERGED) & reading.unstable
-    if unstable.any():  # the motion chooses the equilibrium, and would not have stopped there
-        relaxation.resume(unstable)
-        relaxation.run()
-        reading = simulations.read(relaxation.qpos)
-    return settled(relaxation, reading, lambda: simulations.read(relaxation.qpos))
+def come_to_rest(
+    problems: Problems,
+    starts: RigidTransform | None = None,
+    *,
+    model: mujoco.MjModel | None = None,
+    memory: tuple[Memory, float] | None = None,
+    threads: int = 1,
+    frames: Frames | None = None,
+    say: Callable[[str], None] | None = None,
+) -> tuple[dict[str, np.ndarray], Memory | None]:
+    """Settle each of (rows,) problems from its start.
+
+    Args:
+        problems: the problems.
+        starts: a stack of poses, one for each; default: where they rest on massless cables, else their own.
+        model: the model to use instead of the generated one.
+        memory: of cables with one, (rows,), and the time since then [s]; default: that of new ropes.
+        threads: 0 for one per processor.
+        frames: collects the motion of the first one on massless cables.
+        say: is called from time to time with the progress as text.
+
+    Returns:
+        Columns of an ``EquilibriumBatch``; and the memory, without the time, None where no cable has one.
+
+    Raises:
+        InvalidInput: a mass per problem, since all rows have one model.
+    """
+    heavy = weighs(problems.robot, model)
+    if not heavy:
+        problems = without_weight(problems)
+    elif starts is None:
+        starts = settled_without_mass(problems, threads)
+    count, found, memories = len(problems), [], []
+    for rows in _chunks(np.arange(count), heavy):
+
+        def report(row: int, progress: str, first: int = int(rows[0])) -> None:
+            if say is not None:
+                say(f"pose {first + row + 1} of {count}: {progress}" if count > 1 else progress)
+
+        with simulations_of(
+            problems if len(rows) == count else problems.take(rows),
+            None if starts is None else starts[rows],
+            model=model,
+            memory=None if memory is None else (memory[0][rows], memory[1]),
+            threads=threads,
+        ) as simulations:
+            shown = frames if rows[0] == 0 else None
+            found.append(Settling(simulations, report if say is not None else None, shown).settle())
+            after = simulations.remembered()
+            memories.append({} if after is None else after.arrays)
+    columns, remembered = (
+        {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} for parts in (found, memories)
+    )
+    return columns, Memory(**remembered, time=np.nan) if remembered else None
+
+
+def _chunks(rows: Int[np.ndarray, " rows"], heavy: bool) -> list[Int[np.ndarray, " some"]]:
+    """Rows that settle side by side."""
+    most = HEAVY_ROWS if heavy else ROWS
+    return [rows[first : first + most] for first in range(0, len(rows), most)]
+
+
+def at_rest(problem: Problem, start: RigidTransform, *, held: bool = False) -> Simulations:
+    """Simulation of one problem on cables with mass, at the equilibrium to which its platform settles from ``start``.
+
+    If it is ``held`` there, whatever pulls it, its chains settle.
+
+    Raises:
+        NotSettled: it does not settle, or its chains do not.
+    """
+    simulations = single(problem, start)
+    settling = Settling(simulations)
+    if not (settling.settle_held() if held else settling.settle()["status"] == Status.CONVERGED)[0]:
+        what = "the cables with mass" if held else "the platform on cables with mass"
+        raise NotSettled(f"{problem.robot.name}: {what} did not come to rest in MuJoCo")
+    return simulations
+
+
+def single(problem: Problem, start: RigidTransform) -> Simulations:
+    """Simulation of one problem for a motion, released at ``start``."""
+    problems = Problems.stack([problem])
+    refuse_own_masses(problems)
+    with quiet():
+        simulations = Simulations(problem.robot, 1, moves=True)
+        simulations.start(problems, RigidTransform.concatenate([start]))
+    return simulations
 
 
 def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:
     """Poses (rows,) at which platforms on massless cables come to rest; the commanded ones where they do not."""
-    light = _settled(without_weight(problems), threads=threads)
-    rested = np.isfinite(light.residuals)[:, None]
-    positions = np.where(rested, light.positions, problems.positions)
-    return poses_of(positions, np.where(rested[..., None], light.rotations, problems.rotations))
+    light, _ = come_to_rest(without_weight(problems), threads=threads)
+    rested = np.isfinite(light["residuals"])[:, None]
+    positions = np.where(rested, light["positions"], problems.positions)
+    return poses_of(positions, np.where(rested[..., None], light["rotations"], problems.rotations))
 
 
 def refused(problems: Problems) -> Int[np.ndarray, " rows"]:

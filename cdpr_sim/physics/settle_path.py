@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,7 @@ from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.batch import simulations_of
-from cdpr_sim.physics.sagging.settle_chains import released
-from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, unread, weighs
+from cdpr_sim.physics.settle import come_to_rest, refused, unread
 
 
 def settle_path(
@@ -66,40 +63,30 @@ def settle_path(
     count = int(np.prod(shape))
     parts = {name: part.reshape(count, *part.shape[len(shape) :]).copy() for name, part in path.memory.arrays.items()}
     here, before, found = {"status": np.full(count, Status.CONVERGED.value)}, None, []
-    with ExitStack() as opened:
-        simulations = None  # of the paths that go on
-        for row, duration in enumerate(path.durations.tolist()):
-            which = np.zeros(path.fine.shape, dtype=bool)
-            which[row] = True
-            commands, last = path.fine.take(which), here
-            here = unread(robot, np.where(last["status"] == Status.CONVERGED, refused(commands), last["status"]))
-            going = np.flatnonzero(here["status"] == Status.PENDING)
-            if len(going):
-                starts = commands.take(going)
-                if before is not None:  # from the equilibria before, moved as the commands are
-                    there = last["positions"][going], last["rotations"][going]
-                    positions, rotations = moved_as_commanded(*there, before.take(going), starts)
-                    starts = replace(starts, positions=positions, rotations=rotations)
-                remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
-                if weighs(robot):
-                    at = settled_without_mass(starts, threads) if before is None else starts.poses
-                    read, after = released(starts, at, memory=(remembered, duration), threads=threads)
-                else:
-                    if simulations is None or len(simulations.qpos) != len(going):
-                        opened.close()
-                        simulations = opened.enter_context(simulations_of(starts, threads=threads))
-                    simulations.start(starts, own_springs=False, memory=remembered, duration=duration)
-                    read, ropes = come_to_rest(simulations), simulations.step
-                    after = None if ropes is None else ropes.memory_after(read["lengths"], read["tensions"])
-                if after is None:
-                    rest = np.broadcast_to(starts.rest_lengths, read["tensions"].shape)
-                    after = replace(remembered, beyond=rest, tensions=read["tensions"])
-                for arrays, values in ((here, read), (parts, after.arrays)):
-                    for name, part in values.items():
-                        arrays[name][going] = part
-            before = commands
-            if row in kept:
-                found.append(here)
+    for row, duration in enumerate(path.durations.tolist()):
+        which = np.zeros(path.fine.shape, dtype=bool)
+        which[row] = True
+        commands, last = path.fine.take(which), here
+        here = unread(robot, np.where(last["status"] == Status.CONVERGED, refused(commands), last["status"]))
+        going = np.flatnonzero(here["status"] == Status.PENDING)
+        if len(going):
+            starts = commands.take(going)
+            if before is not None:  # from the equilibria before, moved as the commands are
+                there = last["positions"][going], last["rotations"][going]
+                positions, rotations = moved_as_commanded(*there, before.take(going), starts)
+                starts = replace(starts, positions=positions, rotations=rotations)
+            remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
+            at = None if before is None else starts.poses
+            read, after = come_to_rest(starts, at, memory=(remembered, duration), threads=threads)
+            if after is None:
+                rest = np.broadcast_to(starts.rest_lengths, read["tensions"].shape)
+                after = replace(remembered, beyond=rest, tensions=read["tensions"])
+            for arrays, values in ((here, read), (parts, after.arrays)):
+                for name, part in values.items():
+                    arrays[name][going] = part
+        before = commands
+        if row in kept:
+            found.append(here)
     for part in parts.values():
         part[here["status"] != Status.CONVERGED] = np.nan
     shaped = {name: part.reshape(*shape, *part.shape[1:]) for name, part in parts.items()}

@@ -34,11 +34,10 @@ from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, pos
 from cdpr_sim.physics.mjcf import TIMESTEP, settling_air
 from cdpr_sim.physics.motion import Motion
 from cdpr_sim.physics.quiet import quiet
-from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations
-from cdpr_sim.physics.sagging.settle_chains import at_rest, single
 from cdpr_sim.physics.sensing import Seen, Sensing, recorded
-from cdpr_sim.physics.settle import settle, weighs
+from cdpr_sim.physics.settle import at_rest, settle, single, weighs
 from cdpr_sim.physics.settle_path import settle_path
+from cdpr_sim.physics.simulations import Simulations
 from cdpr_sim.physics.winches import WINCH_SPEED
 
 SPEED = 0.05
@@ -299,9 +298,7 @@ class Machine:
         yield from motion.steps(seconds, let_out)
 
 
-def _stiffest(
-    robot: Robot, written: Problem, simulation: ChainSimulations
-) -> tuple[float, Float[np.ndarray, "free free"]]:
+def _stiffest(robot: Robot, written: Problem, simulation: Simulations) -> tuple[float, Float[np.ndarray, "free free"]]:
     """``damping.stiffest`` with the cables' stiffness near the first lengths; of nonlinear ones, at rest there."""
     cabling, rest = robot.cabling, written.rest_lengths
     law = Law.of(cabling)
