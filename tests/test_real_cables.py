@@ -13,6 +13,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible_by_linprog
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_equilibria import Cases, feasible_cases, solve_layouts
+from cdpr_sim.statics.profiles import profile
 
 POSE = (0.3, 0.25, 0.1)
 BOX = (0.1, 0.1, 0.1)
@@ -221,3 +222,9 @@ def test_parts_of_line_share_an_implausible_weight():
     fields = cdpr.load_robot("cogiro")._given | {"axial_stiffness": 1e3, "mass": mass, "inertia": None}
     assert any("stretch by" in sentence for sentence in cdpr.Robot(**fields).warnings)
     assert not any("stretch by" in sentence for sentence in cdpr.Robot(**fields | {"reeving": 4}).warnings)
+
+
+def test_a_massless_cable_is_drawn_straight_however_little_it_is_stretched():
+    """At a strain of 1e-6 the weight with which slack cables are drawn would let it sag by 1e-7 of its length."""
+    points = profile([0, 0, 0.0], [3, 0, -1.0], np.sqrt(10) / (1 + 1e-6), 1e5, 0.0, 7)
+    np.testing.assert_allclose(points, np.linspace(0, 1, 7)[:, None] * [3, 0, -1], atol=1e-15)

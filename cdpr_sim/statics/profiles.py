@@ -51,7 +51,8 @@ def profile(
     """
     A, B = np.asarray(exits, float), np.asarray(anchors, float)
     L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
-    w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
+    light = w * L0 <= 2 * MASSLESS * EA
+    w = np.where(light, TRACE * EA / L0, w)
     pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
     sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
     end = -pull[..., 2:] - w * L0  # vertical component of the tension at the exit
@@ -65,6 +66,9 @@ def profile(
     rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
     across = -pull[..., None, :2] / H[..., None]
     positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    span = np.linspace(0.0, 1.0, points)[:, None] * (B - A)[..., None, :]
+    straight = light & (np.linalg.norm(B - A, axis=-1)[..., None] > L0)  # the trace of weight is seen at small strains
+    positions = np.where(straight[..., None], A[..., None, :] + span, positions)
     positions[..., -1, :] = B
     return positions
 
