@@ -133,16 +133,16 @@ class ChainDivision(NamedTuple):
     masses: Float[np.ndarray, "*rows #chains points"]
 
 
-def straight(at_exit: Bool[np.ndarray, " chains"]) -> ChainDivision:
-    """Divisions by the quadrature along the cable, for chains ``felt_at_exit`` and others."""
-    points, weights = _quadrature(at_exit)
+def straight(ends: Int[np.ndarray, " chains"]) -> ChainDivision:
+    """Divisions by the quadrature along the cable, for chains with these ``fixed_ends``."""
+    points, weights = _quadrature(ends)
     return ChainDivision(weights / 2, np.diff((points + 1) / 2, append=1.0))
 
 
 def divisions(
     level: Float[np.ndarray, "*rows chains"],
     bend: Float[np.ndarray, "*rows chains"],
-    at_exit: Bool[np.ndarray, " chains"],
+    ends: Int[np.ndarray, " chains"],
 ) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
@@ -151,28 +151,33 @@ def divisions(
     Args:
         level: position along each chain, from the exit, where it is horizontal, as a fraction of its length.
         bend: distance from there to where its slope is 45 degrees.
-        at_exit: which chains are ``felt_at_exit``.
+        ends: the chains' ``fixed_ends``.
     """
-    points, weights = _quadrature(at_exit)
+    points, weights = _quadrature(ends)
     level, bend = level[..., None], np.maximum(bend, SHARPEST)[..., None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
     bent = ChainDivision(lengths / lengths.sum(-1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(at_exit), strict=True)))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(ends), strict=True)))
 
 
-def felt_at_exit(cabling: Cabling) -> Bool[np.ndarray, " chains"]:
-    """Which cables with mass need the tension at the exit itself in their first segments.
+def ends_of(cabling: Cabling) -> Int[np.ndarray, " chains"]:
+    """``fixed_ends`` of the cables with mass.
 
-    A wheel or the rope behind feels it, and a memory.
+    A wheel or the rope behind feels the tension at the exit, and a memory.
     """
-    return (cabling.pulleys | (cabling.behind > 0) | cabling.has_memory)[cabling.with_mass]
+    return fixed_ends(cabling.pulleys | (cabling.behind > 0) | cabling.has_memory)[cabling.with_mass]
 
 
-def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
-    """Points from -1 to 1, and weights: Gauss and Radau's for chains ``felt_at_exit``, else Gauss and Legendre's."""
-    return tuple(both[at_exit.astype(int)] for both in _quadratures())
+def fixed_ends(at_exit: Bool[np.ndarray, " chains"]) -> Int[np.ndarray, " chains"]:
+    """Numbers of the quadratures of chains whose first segments need the tension at the very end."""
+    return at_exit.astype(int)
+
+
+def _quadrature(ends: Int[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
+    """Points from -1 to 1, and weights, by ``fixed_ends``: Gauss and Legendre's, or Radau's."""
+    return tuple(both[ends] for both in _quadratures())
 
 
 @cache
@@ -194,7 +199,7 @@ def cut(
     Of all cables with mass; the default is the ``straight`` division.
     """
     cables = np.flatnonzero(robot.cabling.with_mass)
-    division = straight(felt_at_exit(robot.cabling)) if division is None else division
+    division = straight(ends_of(robot.cabling)) if division is None else division
     wrapped = robot.wrapped_lengths[cables]
     weighing = (Law.of(robot.cabling).ropes(rest_lengths)[..., cables] - wrapped)[..., None]
     lengths = division.lengths * weighing
@@ -263,7 +268,7 @@ def profiles(
     cables = np.flatnonzero(robot.cabling.with_mass)
     starts, ends = pulleys.departures(robot, anchors)[..., cables, :], anchors[..., cables, :]
     free = (rest_lengths - robot.wrapped_lengths)[..., cables]
-    return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling)).lengths)[..., :0:-1, :]
+    return -shape(starts, ends, free, straight(ends_of(robot.cabling)).lengths)[..., :0:-1, :]
 
 
 def add_chains(

@@ -17,7 +17,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.cable import Springs
-from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
+from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, fixed_ends, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
 from cdpr_sim.physics.winches import LEAST_SPARE, controls
@@ -269,7 +269,7 @@ class _Parts:
         cables, shared, radii = self.heavy, self.shared[self.heavy], self.radii[self.heavy]
         lengths = model.tendon_lengthspring[self.segments, 1].copy()
         lengths[:, 0] -= ENTRY * radii
-        fractions = straight((shared > 0) | (radii > 0)).lengths
+        fractions = straight(fixed_ends((shared > 0) | (radii > 0))).lengths
         beyond = lengths[:, 1:].sum(1) / (1 - fractions[:, 0])
         wrapped = lengths[:, 0] - fractions[:, 0] * beyond
         scale = (ropes[cables] - shared - wrapped) / beyond
