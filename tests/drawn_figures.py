@@ -19,6 +19,7 @@ import controller_comparison
 import controllers
 import fully_constrained
 import lines
+import machines
 import paper_figures
 import real_cables
 import solvers
@@ -358,6 +359,22 @@ def front() -> Figure:
     return layout_pictures.draw_front(both, ("tilt [°]", "size [mm]"), "title", "caption", (5.0, 50.0), confirmed)
 
 
+def machine_answers() -> Figure:
+    """Of both machines, over a map of three by two poses, one of which is not held, and for two pretensions."""
+    values, found = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]]), []
+    for machine in machines.MACHINES:
+        positions = np.zeros((2, 3, 3))
+        positions[..., list(machine.axes)] = np.stack(np.meshgrid([-0.3, 0.1, 0.5], [0.2, 0.9]), axis=-1)
+        curves = 1e-3 * np.array([[0.4, 0.2, np.nan], [0.6, 0.5, 0.1]])
+        tensions = np.array([0.0, 10.0, 20.0])
+        found.append(
+            machines.Answers(
+                machine, positions, 1e-3 * np.stack([values, 2 * values]), 1e3 * values, tensions, curves, curves + 1e-5
+            )
+        )
+    return machines.draw_machines(found)
+
+
 STUDIES: dict[str, Callable] = {
     "two-cable-manifold": manifold,
     "two-cable-poses": bar,
@@ -414,6 +431,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "maps of pretension": lambda: maps.draw_elastic_map(pretensioned(), names=["wrench_feasible", "slack_count"]),
     "maps of agreement": lambda: maps.draw_agreement_map(checked()),
     "maps along a path": lambda: path_maps.draw_path_map(along_a_path(), [(0.0, "A"), (0.4, "B"), (1.0, "C")]),
+    "machines": machine_answers,
     "a robot": lambda: still.draw(TURNED, (0, 0, 0.2, 0, 0, math.pi / 2)),
     "a planar robot": lambda: still.draw(cdpr.load_robot("planar-vertical").replace(pulley_radius=0.01)),
     "robots": sheet,

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cdpr_sim.physics.cable import Springs
 from cdpr_sim.physics.chains import SEGMENTS, hang
 
 POOREST = 1e4
@@ -33,7 +34,7 @@ def test_hanging_chains_are_laid_out_from_any_pull(monkeypatch):
     extents, found = hang(
         weights,
         rest,
-        (stiffness, nothing, nothing),
+        Springs(stiffness, nothing, nothing),
         np.zeros(count),
         np.tile([0.0, 0.0, 1.0], (count, 1)),
         start,

@@ -26,6 +26,7 @@ assert cdpr.compare(found[0], cdpr.settle(robot, pose)).agrees
 cdpr.solve_many(robot, [pose] * 80)
 assert "numba" not in sys.modules
 robot._repr_html_()
+assert "numba" in sys.modules  # of the ray caster
 sys.argv = ["cdpr-sim", "settle", "parallel"]
 main()
 """
@@ -56,7 +57,10 @@ CALLS = {
 
 
 def test_solve_and_settle_need_no_extra_and_first_answers_no_numba():
-    """In Python, in a notebook and on the command line: the first poses are there before Numba would be imported."""
+    """In Python, in a notebook and on the command line; the first poses are there before Numba would be imported.
+
+    A robot's picture is ray-cast by compiled code, and waits for it.
+    """
     names = [name for several in LIBRARIES.values() for name in several] + ["IPython", "pandas"]
     done = subprocess.run([sys.executable, "-c", CORE.format(names=names)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

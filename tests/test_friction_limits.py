@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from cdpr_sim.anymodel import friction_limits
 from cdpr_sim.anymodel.friction_limits import least_share, shares
 
 
@@ -64,3 +65,11 @@ def test_a_load_too_large_leaves_the_rest_at_the_limit(pyramids):
 def test_no_load_needs_no_friction():
     """Nor does it divide by zero."""
     assert not least_share(np.eye(2), np.zeros(2), np.zeros(2, dtype=int), np.zeros(1, dtype=bool)).any()
+
+
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
+def test_steps_of_any_size_reach_the_limits(size):
+    """From (1, 0) along (-1, 1) the cone ends after a half, in any unit; a step that is no number goes nowhere."""
+    point, step = np.array([[1.0, 0.0]]), np.array([[-1.0, 1.0]])
+    assert friction_limits._reach(point, size * step) * size == pytest.approx(0.5)
+    assert friction_limits._reach(point, np.inf * step) == 0

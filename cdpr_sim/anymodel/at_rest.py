@@ -10,6 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from cdpr_sim.anymodel.constraints import names_of_bodies, softened, touching
 from cdpr_sim.anymodel.findings import FindingKind, ModelFinding
 from cdpr_sim.anymodel.forces import RestForces
 from cdpr_sim.anymodel.names import joint_name, name_of
@@ -71,15 +72,13 @@ def _masses(model: Any, data: Any) -> Iterator[ModelFinding]:
     if gravity == 0:
         return
     loads: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    force = np.zeros(6)
-    for number, contact in enumerate(data.contact):
-        if contact.efc_address < 0 or min(contact.geom) < 0 or contact.solref[0] <= 0:
-            continue
-        mujoco.mj_contactForce(model, data, number, force)
-        one, two = sorted(int(body) for body in model.geom_bodyid[contact.geom])
-        loads.setdefault((one, two), []).append((float(force[0]), float(contact.dist - contact.includemargin)))
+    for number, bodies, force in touching(model, data):
+        contact = data.contact[number]
+        if contact.solref[0] > 0:
+            pair = min(bodies), max(bodies)
+            loads.setdefault(pair, []).append((float(force[0]), float(contact.dist - contact.includemargin)))
     for bodies, carried in loads.items():
-        names = [name_of(model, "body", body) for body in bodies]
+        names = names_of_bodies(model, bodies)
         load = sum(one for one, _ in carried) * _of_lighter(model, bodies)
         yield from _far_apart(
             f"contact of {names[0]} and {names[1]}", load / gravity,
@@ -118,22 +117,8 @@ def _far_apart(element: str, load: float, gap: float, stiff: str) -> Iterator[Mo
 
 def _softened(model: Any, data: Any) -> Iterator[ModelFinding]:
     """Constraints whose time constant is shorter than two time steps: MuJoCo's ``refsafe`` makes them softer."""
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        return
-    least, kinds, found = 2 * float(model.opt.timestep), mujoco.mjtConstraint, {}
-    for contact in data.contact:
-        if contact.efc_address >= 0 and min(contact.geom) >= 0 and 0 < contact.solref[0] < least:
-            bodies = [name_of(model, "body", int(body)) for body in model.geom_bodyid[contact.geom]]
-            found.setdefault(f"contact of {bodies[0]} and {bodies[1]}", float(contact.solref[0]))
-    for kind, word, references in (
-        (kinds.mjCNSTR_LIMIT_JOINT, "joint", model.jnt_solref),
-        (kinds.mjCNSTR_LIMIT_TENDON, "tendon", model.tendon_solref_lim),
-        (kinds.mjCNSTR_EQUALITY, "equality", model.eq_solref),
-    ):  # fmt: skip
-        for number in np.unique(data.efc_id[data.efc_type == kind]):
-            if 0 < references[number, 0] < least:
-                found[f"{word} {name_of(model, word, int(number))!r}"] = float(references[number, 0])
-    for element, reference in found.items():
+    least = 2 * float(model.opt.timestep)
+    for element, reference in softened(model, data).items():
         yield ModelFinding(
             FindingKind.REFSAFE, element,
             f"its time constant, {reference:.4g} s in solref, is shorter than two time steps, so that MuJoCo uses "

@@ -46,7 +46,7 @@ class Balance:
     def rows(self) -> FrictionRows:
         """The friction that touches at the pose of the last evaluation."""
         forces = self.forces
-        return rows_of(forces.model, forces.data) if self.friction else FrictionRows.none(forces.model.nv)
+        return rows_of(forces.model, forces.data) if self.friction else FrictionRows.none()
 
     def at(self, qpos: Float[np.ndarray, " nq"], parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
         """The balance of several sets of degrees of freedom at a pose."""
@@ -54,10 +54,10 @@ class Balance:
 
     def evaluated(self, net: Net, rows: FrictionRows, parts: list[Int[np.ndarray, "..."]]) -> list[Unbalanced]:
         """The same of forces and friction that were just evaluated."""
-        found = []
+        found, directions = [], rows.directions(self.forces.model, self.forces.data)
         for dofs in parts:
             scale, unloaded = net.scale(dofs), not net.parts[1:4][:, dofs].any()
-            held = hold(rows, net.force, scale, dofs)
+            held = hold(rows, directions[:, dofs], net.force[dofs], scale)
             force = net.force[dofs] + held.force
             of_load = 0.0 if unloaded else float((np.abs(force) / net.load(dofs)).max(initial=0))
             found.append(Unbalanced(force, float((np.abs(force) / scale).max(initial=0)), of_load, held))
@@ -77,6 +77,6 @@ class Balance:
 
         def force(qpos: np.ndarray) -> np.ndarray:
             net, here = self.forces.net(qpos).force, self.rows()
-            return net + here.force(here.pulls_of(rows, pulls))
+            return net + here.force(self.forces.model, self.forces.data, here.pulls_of(rows, pulls))
 
         return force

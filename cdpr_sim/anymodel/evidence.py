@@ -13,13 +13,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cdpr_sim.anymodel.agreement import agreement
+from cdpr_sim.anymodel.constraints import jacobian, names_of_bodies, softened, touching
 from cdpr_sim.anymodel.forces import OutOfTime, RestForces, write_state
-from cdpr_sim.anymodel.friction import jacobian
+from cdpr_sim.anymodel.friction import LOADED
 from cdpr_sim.anymodel.friction_limits import shares
 from cdpr_sim.anymodel.islands import coordinates_of
 from cdpr_sim.anymodel.judged import Judged
 from cdpr_sim.anymodel.model_equilibrium import ContactForce, ModelAgreement, ModelEquilibrium, NoRest
-from cdpr_sim.anymodel.names import joints_of, movers, name_of
+from cdpr_sim.anymodel.names import joints_of, movers
 from cdpr_sim.anymodel.tendons import tendon_tensions
 from cdpr_sim.core.equilibrium import NotSettled, Stability
 
@@ -34,9 +35,6 @@ MOVES = 0.5
 
 GROWS = 0.05, 1.5
 """The same, if it is more than so many times that at half the time."""
-
-LOADED = 1e-6
-"""Share of a friction limit above which friction carries load."""
 
 
 def equilibrium_at(
@@ -120,11 +118,15 @@ def described(
     notes = []
     if share > LOADED:
         notes.append("friction carries load: the equilibrium depends on the path, and MuJoCo's friction creeps")
-    if softened(forces.model):
+    forces.net(qpos)
+    if softened(forces.model, forces.data):
         notes.append("a time constant in solref is below two time steps: the equilibrium depends on the time step")
+    if model.opt.noslip_iterations and share > 0:
+        notes.append(
+            "noslip_iterations changes contact forces after MuJoCo's solver: it is left out of this equilibrium"
+        )
     if np.isnan(creep):
         notes.append("the creep was not measured: the time was spent")
-    forces.net(qpos)
     found = ModelEquilibrium(
         qpos=np.array(qpos),
         act=np.array(forces.data.act),
@@ -155,19 +157,10 @@ def belt_of(judged: Judged, dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | No
     model, data = forces.model, forces.data
     moves = (data.efc_vel != 0) & (data.efc_force != 0) & np.any(jacobian(model, data)[:, dofs], axis=1)
     moves &= data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
-    for number in data.efc_id[moves]:
-        one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in data.contact[number].geom)
-        return one, two
+    for number, bodies, _ in touching(model, data):
+        if number in data.efc_id[moves]:
+            return names_of_bodies(model, bodies)
     return None
-
-
-def softened(model: Any) -> bool:
-    """Whether MuJoCo's ``refsafe`` softens an element with a time constant shorter than two time steps."""
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        return False
-    fields = ("geom_solref", "jnt_solref", "eq_solref", "tendon_solref_lim", "pair_solref")
-    references = np.concatenate([np.reshape(getattr(model, field), (-1, 2))[:, 0] for field in fields])
-    return bool(np.any((references > 0) & (references < 2 * model.opt.timestep)))
 
 
 def contact_forces(judged: Judged) -> tuple[ContactForce, ...]:
@@ -175,22 +168,18 @@ def contact_forces(judged: Judged) -> tuple[ContactForce, ...]:
     forces, rows = judged.balance.forces, judged.rows
     model, data = forces.model, forces.data
     forces.net(judged.qpos)
-    found, six = [], np.zeros(6)
+    found = []
     use = np.sum([np.zeros(len(rows.limits)), *(state.held.use for state in judged.states)], axis=0)
     share = shares(use, rows.cones, rows.corners)
-    for number in range(data.ncon):
-        contact = data.contact[number]
-        if contact.efc_address < 0:
+    for number, bodies, force in touching(model, data):
+        if force[0] == 0:
             continue
-        mujoco.mj_contactForce(model, data, number, six)
-        if six[0] == 0:
-            continue
-        friction, used = float(np.linalg.norm(six[1:3])), 0.0
+        friction, used = float(np.linalg.norm(force[1:])), 0.0
         for cone in np.flatnonzero((rows.contacts == number) & (share > 0)):
             here = rows.cones == cone
             friction, used = float(np.linalg.norm((rows.limits * use)[here][:2])), float(share[cone])
-        one, two = (name_of(model, "body", int(model.geom_bodyid[geom])) for geom in contact.geom)
-        found.append(ContactForce((one, two), contact.pos.copy(), float(six[0]), friction, used))
+        place, names = data.contact.pos[number].copy(), names_of_bodies(model, bodies)
+        found.append(ContactForce(names, place, float(force[0]), friction, used))
     return tuple(found)
 
 

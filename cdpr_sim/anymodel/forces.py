@@ -71,6 +71,7 @@ class RestForces:
         options = self.model.opt
         options.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         options.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        options.noslip_iterations = 0  # its forces are no function of the pose; friction that holds is ours
         self.data = mujoco.MjData(self.model)
         write_state(self.data, state)
         self.deadline = float("inf")

@@ -182,6 +182,10 @@ def _scaling(room: np.ndarray, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def _reach(point: np.ndarray, step: np.ndarray) -> float:
     """Length of a step that stays within the cones."""
+    size = max(float(np.abs(step).max()), 1e-300)
+    if not np.isfinite(size):
+        return 0.0
+    step = step / size  # whose square may be too large for a number
     a = step[:, 0] ** 2 - (step[:, 1:] ** 2).sum(axis=1)
     b = point[:, 0] * step[:, 0] - (point[:, 1:] * step[:, 1:]).sum(axis=1)
     c = _determinant(point)
@@ -190,4 +194,4 @@ def _reach(point: np.ndarray, step: np.ndarray) -> float:
     below = root - b
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.where(below > 0, np.where(b > 0, (-b - root) / a, c / below), np.inf)
-    return float(np.where(ends > 0, ends, np.inf).min())
+    return float(np.where(ends > 0, ends, np.inf).min()) / size

@@ -8,16 +8,15 @@ equality constraints, limits and contacts.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.sparse import coo_array
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from cdpr_sim.anymodel.constraints import jacobian
 from cdpr_sim.anymodel.forces import RestForces
-from cdpr_sim.anymodel.friction import jacobian
 
 
 def islands_at(
@@ -33,25 +32,49 @@ def islands_at(
 
 def groups_of_trees(model: Any, data: Any) -> Int[np.ndarray, " trees"]:
     """Number of the island that each kinematic tree belongs to."""
-    one, two = [], []
-    for coupled in _coupled(model, data):
-        trees = np.unique(model.dof_treeid[coupled])
-        one += trees[:-1].tolist()
-        two += trees[1:].tolist()
-    graph = coo_array((np.ones(len(one)), (one, two)), shape=(model.ntree, model.ntree))
-    return connected_components(graph, directed=False)[1]
+    return connected_components(csr_array(_coupled(model, data)), directed=False)[1]
 
 
-def _coupled(model: Any, data: Any) -> Iterator[np.ndarray]:
-    """Degrees of freedom that one tendon, actuator or constraint acts on."""
-    for row in jacobian(model, data):
-        yield np.flatnonzero(row)
+def displaced_together(model: Any, data: Any) -> list[list[tuple[int, Int[np.ndarray, "..."]]]]:
+    """Sets of degrees of freedom such that no force depends on two of a set (Curtis, Powell and Reid 1974).
+
+    Returns:
+        Of each set its degrees of freedom, with those on which the force changes where it is displaced.
+    """
+    coupled = _coupled(model, data)
+    near = coupled.astype(float) @ coupled > 0
+    colours = np.full(model.ntree, -1)
+    for tree in range(model.ntree):
+        taken = set(colours[near[tree]].tolist())
+        colours[tree] = next(colour for colour in range(model.ntree) if colour not in taken)
+    dofs = [np.flatnonzero(model.dof_treeid == tree) for tree in range(model.ntree)]
+    felt = [np.flatnonzero(coupled[tree][model.dof_treeid]) for tree in range(model.ntree)]
+    return [
+        [(int(dofs[tree][column]), felt[tree]) for tree in trees if column < len(dofs[tree])]
+        for trees in (np.flatnonzero(colours == colour) for colour in range(int(colours.max(initial=-1)) + 1))
+        for column in range(max(len(dofs[tree]) for tree in trees))
+    ]
+
+
+def _coupled(model: Any, data: Any) -> Bool[np.ndarray, "trees trees"]:
+    """Whether two trees exert forces on each other, by an element that acts on both; each does on itself."""
+    if not model.ntree:
+        return np.zeros((0, 0), dtype=bool)
+    acts = [np.logical_or.reduceat(jacobian(model, data) != 0, model.tree_dofadr, axis=1)]
     springs = np.any(np.column_stack([model.tendon_stiffness, model.tendon_stiffnesspoly]), axis=1)
-    for tendon in np.flatnonzero(springs):
-        start, number = model.ten_J_rowadr[tendon], model.ten_J_rownnz[tendon]
-        yield model.ten_J_colind[start : start + number]
-    for start, number in zip(data.moment_rowadr, data.moment_rownnz, strict=True):
-        yield data.moment_colind[start : start + number]
+    acts.append(_trees(model, model.ten_J_rownnz * springs, model.ten_J_rowadr, model.ten_J_colind))
+    acts.append(_trees(model, data.moment_rownnz, data.moment_rowadr, data.moment_colind))
+    every = np.vstack(acts).astype(float)
+    return every.T @ every + np.eye(model.ntree) > 0
+
+
+def _trees(model: Any, counts: np.ndarray, starts: np.ndarray, dofs: np.ndarray) -> Bool[np.ndarray, "rows trees"]:
+    """The trees that each row of a sparse matrix acts on."""
+    rows = np.repeat(np.arange(len(counts)), counts)
+    places = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(starts, counts)
+    found = np.zeros((len(counts), model.ntree), dtype=bool)
+    found[rows, model.dof_treeid[dofs[places]]] = True
+    return found
 
 
 def coordinates_of(model: Any, dofs: Int[np.ndarray, " n"]) -> Int[np.ndarray, " coordinates"]:

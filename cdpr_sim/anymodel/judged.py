@@ -13,7 +13,7 @@ from cdpr_sim.anymodel.balance import Balance
 from cdpr_sim.anymodel.forces import RestForces
 from cdpr_sim.anymodel.islands import islands_at
 from cdpr_sim.anymodel.names import joints_of, movers
-from cdpr_sim.anymodel.stiffness import STEP, Modes, modes, stiffness_of
+from cdpr_sim.anymodel.stiffness import STEP, Modes, modes, slopes, stiffness_of
 
 LARGEST = 400
 """Degrees of freedom of an island above which the linearised motion is not judged."""
@@ -131,15 +131,12 @@ def growth(forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndar
         return 0.0
     if len(dofs) > LARGEST:
         return float("nan")
-    unit, zero = np.zeros(forces.model.nv), np.zeros(len(dofs))
-    damping, inertia = np.empty((len(dofs), stiff.shape[1])), np.empty((len(dofs), stiff.shape[1]))
-    for column in range(stiff.shape[1]):
-        unit[dofs] = STEP * stiff[:, column]
-        damping[:, column] = forces.net(qpos, -unit).force[dofs] - forces.net(qpos, unit).force[dofs]
-        inertia[:, column] = forces.net(qpos, 0.0, -unit).force[dofs] - forces.net(qpos, 0.0, unit).force[dofs]
-        unit[dofs] = zero
-    mass = stiff.T @ found.mass @ stiff + stiff.T @ inertia / (2 * STEP)
-    c, k = stiff.T @ damping / (2 * STEP), stiff.T @ found.stiffness @ stiff
+    full = np.zeros((forces.model.nv, stiff.shape[1]))
+    full[dofs] = stiff
+    damping = slopes(lambda step: forces.net(qpos, step).force, full, STEP)[dofs]
+    inertia = slopes(lambda step: forces.net(qpos, 0.0, step).force, full, STEP)[dofs]
+    mass = stiff.T @ (found.mass @ stiff + inertia)
+    c, k = stiff.T @ damping, stiff.T @ found.stiffness @ stiff
     size = len(mass)
     solved = np.linalg.solve(mass, np.hstack([-k, -c]))
     roots: Any = eigvals(np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), solved]))

@@ -22,6 +22,7 @@ class NoRest(enum.Enum):
     DRIVEN = "an actuator's state grows for ever"
     BELT = "driven for ever by a surface that moves"
     LIMIT_CYCLE = "oscillates for ever about its equilibrium"
+    JUMPS = "moves for ever, because its force jumps"
     SLIDES = "slides: friction at its limit does not hold it"
     DIVERGES = "the simulation diverges at every time step"
     NOT_CONVERGED = "no equilibrium was found within the allowed work"

@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cdpr_sim.anymodel.balance import Balance
+from cdpr_sim.anymodel.balance import Balance, Unbalanced
 from cdpr_sim.anymodel.forces import write_state
-from cdpr_sim.anymodel.friction import SLIDES
+from cdpr_sim.anymodel.friction import LOADED, SLIDES
 from cdpr_sim.anymodel.islands import coordinates_of, groups_of_trees
 
 STEPS = 20_000
@@ -33,8 +33,8 @@ CHECK_STICKING = 20
 """The same once friction holds: it is then a force that each evaluation finds anew."""
 
 READY = 3
-"""Evaluations at which friction could hold all islands that it loads, after which it does. MuJoCo's own friction
-creeps, and a box that creeps on its corners does not come to rest."""
+"""Evaluations at which friction could hold an island that it loads, after which it does. MuJoCo's own friction creeps,
+and a box that creeps on its corners does not come to rest."""
 
 NEAR = 0.1
 """Residual of such an evaluation, at most: bodies that still fall are not held."""
@@ -42,11 +42,11 @@ NEAR = 0.1
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
+FALLS = 0.5
+"""Residual of an island above which it falls: friction does not hold it any more."""
+
 LONG = 30
 """Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
-
-LOADED = 1e-6
-"""Share of a friction limit above which friction carries load."""
 
 BLOWS_UP = 1e12
 """[J/kg] Kinetic energy above which the motion has diverged."""
@@ -79,7 +79,7 @@ SHORTEST = 1 / 2000
 """And that divergence leads to."""
 
 SLOW = 1000
-"""Steps without a peak after which damping, which only delays the rest, is switched off."""
+"""Steps after which the model's damping, which only delays the rest, is switched off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,6 @@ class MotionEnd:
         falling: trees that moved away without end, and were held.
         sliding: trees among them that touched something.
         turning: joints that turned without end.
-        diverged: whether it diverged at every time step.
     """
 
     qpos: Float[np.ndarray, " nq"]
@@ -104,7 +103,6 @@ class MotionEnd:
     falling: Bool[np.ndarray, " trees"]
     sliding: Bool[np.ndarray, " trees"]
     turning: tuple[int, ...]
-    diverged: bool
 
 
 class Motion:
@@ -133,14 +131,17 @@ class Motion:
         self.falling = np.zeros(model.ntree, dtype=bool)
         self.sliding, self.touched = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.turning: set[int] = set()
+        self.trees = np.array(model.dof_treeid)
+        self.still, self.alone = np.zeros(model.ntree, dtype=bool), np.zeros(model.ntree, dtype=bool)
         self.quiet = 0
-        self.sticks, self.ready, self.loaded = sticks, 0, 0
+        self.sticks = np.full(model.ntree, sticks)
+        self.ready, self.loaded = np.zeros(model.ntree, dtype=int), np.zeros(model.ntree, dtype=int)
         mujoco.mj_forward(model, self.data)
         self.start_positions, self.start_qpos = self.data.xipos.copy(), self.data.qpos.copy()
         self.extent = max(float(model.stat.extent), 0.1)
         self.heaviest = max(1.0, float(model.body_mass.sum()))
         self._hold()
-        self._regroup()
+        self._regroup(anew=True)
 
     def run(
         self, *, tolerance: float, steps: int, deadline: float, report: Callable[[int], None] = lambda steps: None
@@ -150,7 +151,7 @@ class Motion:
         self.good = data.qpos.copy()
         best, best_residual, reason, count = data.qpos.copy(), np.inf, "time steps spent", 0
         momentum, damped, check, in_vain, half = np.zeros(model.nv), True, CHECK, 0, np.inf
-        if self.sticks:
+        if self.sticks.any():
             self._residual()
         while count < steps:
             count += 1
@@ -159,7 +160,7 @@ class Motion:
                 data.qpos[self.held] = self.held_at
                 data.qvel[~self.active] = 0
             mujoco.mj_mulM(model, data, momentum, data.qvel)
-            kinetic = np.bincount(self.groups, data.qvel * momentum, self.number)
+            kinetic = np.bincount(self.stops[self.trees], data.qvel * momentum, self.number)
             whole = float(kinetic.sum() + np.abs(data.qacc).sum())
             if not np.isfinite(whole) or kinetic.max(initial=0) > BLOWS_UP * self.heaviest:
                 if model.opt.timestep / 4 < self.first * SHORTEST:
@@ -168,7 +169,7 @@ class Motion:
                 self._again()
                 continue
             self._damp(kinetic)
-            if damped and self.since.max(initial=0) > SLOW:
+            if damped and count > SLOW:
                 damped = False
                 model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
                 affine = model.actuator_biastype == mujoco.mjtBias.mjBIAS_AFFINE
@@ -185,7 +186,8 @@ class Motion:
                 reason = TIME_SPENT
                 break
             in_vain += 1
-            if residual < half / 2 or not self.sticks:
+            moves = ~(self.sticks | self.still)[self.trees[self.active]]
+            if residual < half / 2 or moves.any():
                 half, in_vain = min(residual, half), 0
             if in_vain > LONG:
                 reason = STALLS
@@ -196,12 +198,12 @@ class Motion:
                 reason = "nothing stays"
                 break
             self._regroup()
-            check = CHECK_STICKING if self.sticks else CHECK
+            check = CHECK_STICKING if self.sticks.any() else CHECK
         return self._end(best, best_residual, count, reason)
 
     def _end(self, qpos: np.ndarray, residual: float, count: int, reason: str) -> MotionEnd:
         turning = tuple(sorted(self.turning))
-        return MotionEnd(qpos, residual, count, reason, self.falling, self.sliding, turning, reason == DIVERGES)
+        return MotionEnd(qpos, residual, count, reason, self.falling, self.sliding, turning)
 
     def _damp(self, kinetic: Float[np.ndarray, " islands"]) -> None:
         """Stop the islands whose kinetic energy is past its peak, and adapt the time step."""
@@ -212,8 +214,10 @@ class Motion:
         peaks = kinetic < self.energy * (1 - 1e-12)
         self.energy = np.where(peaks, 0.0, kinetic)
         if peaks.any():
-            self.data.qvel[peaks[self.groups]] = 0
-            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~self.still, self.rattles + 1, 0), self.rattles)
+            self.data.qvel[peaks[self.stops[self.trees]]] = 0
+            still = np.bincount(self.stops, ~self.still, self.number) == 0
+            self.rattles = np.where(peaks, np.where((since <= QUICK) & ~still, self.rattles + 1, 0), self.rattles)
+            self.alone |= (self.rattles >= RATTLES)[self.stops]
             if self.rattles.max() >= RATTLES and options.timestep > self.first * SHORT:
                 options.timestep *= SHRINKS
                 self.rattles[:], self.quiet = 0, 0
@@ -238,33 +242,43 @@ class Motion:
         forces = self.balance.forces
         net = forces.net(self.data.qpos)
         rows = self.balance.rows()
-        self.touched[:] = False
-        self.touched[np.unique(forces.model.dof_treeid[np.any(rows.directions, axis=0)])] = True
         used = np.unique(self.groups[self.active])
         parts = [np.flatnonzero(self.active & (self.groups == group)) for group in used]
         states = self.balance.evaluated(net, rows, parts)
-        self.still[used] = [state.residual < STILL for state in states]
-        loaded = [state.held.largest for state in states if state.held.largest > LOADED]
-        if self.sticks:
-            self.data.qfrc_applied[:] = self.applied
-            for part, state in zip(parts, states, strict=True):
-                # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
-                if state.held.largest < SLIDES or state.held.force @ self.data.qvel[part] <= 0:
-                    self.data.qfrc_applied[part] += state.held.force
-        elif loaded:
-            near = max(state.residual for state in states) < NEAR
-            self.ready = self.ready + 1 if near and min(loaded) < SLIDES else 0
-            self.loaded += 1
-            self.sticks = self.ready >= READY or self.loaded >= PATIENCE
+        self.touched[:] = False
+        for part, state in zip(parts, states, strict=True):
+            self.touched[forces.model.dof_treeid[part]] = state.held.apart.shape[1] < len(part)
+        for part, state in zip(parts, states, strict=True):
+            self.still[self.trees[part]] = state.residual < STILL
+        self.data.qfrc_applied[:] = self.applied
+        for part, state in zip(parts, states, strict=True):
+            self._stick(part, state)
         return max((state.residual for state in states), default=0.0)
 
+    def _stick(self, part: Int[np.ndarray, " n"], state: Unbalanced) -> None:
+        """Decide whether friction holds an island; if so, it is applied as a force."""
+        trees, share = self.trees[part], state.held.largest
+        if state.residual > FALLS:
+            self.sticks[trees], self.ready[trees], self.loaded[trees] = False, 0, 0
+        elif share > LOADED:
+            one = np.unique(trees)
+            self.loaded[one] += 1
+            self.ready[one] = self.ready[one] + 1 if state.residual < NEAR and share < SLIDES else 0
+            if self.ready[one].min() >= READY or self.loaded[one].min() >= PATIENCE:
+                self.sticks[one] = True
+        # Of what slides, it must take energy out of the motion; otherwise the friction is MuJoCo's alone.
+        if self.sticks[trees].all() and (share < SLIDES or state.held.force @ self.data.qvel[part] <= 0):
+            self.data.qfrc_applied[part] += state.held.force
+
     def _regroup(self, anew: bool = False) -> None:
-        """Find the islands; with others than before, kinetic energies begin anew."""
-        groups = groups_of_trees(self.model, self.data)[self.model.dof_treeid]
-        if anew or not hasattr(self, "groups") or not np.array_equal(groups, self.groups):
-            self.groups, self.number = groups, int(groups.max(initial=-1)) + 1
+        """Find the islands, and what stops together; with others than before, kinetic energies begin anew."""
+        islands = groups_of_trees(self.model, self.data)
+        self.groups = islands[self.trees]
+        own = islands.max(initial=-1) + 1 + np.arange(self.model.ntree)
+        stops = np.unique(np.where(self.alone, own, islands), return_inverse=True)[1]
+        if anew or not np.array_equal(stops, self.stops):
+            self.stops, self.number = stops, int(stops.max(initial=-1)) + 1
             self.energy = np.zeros(self.number)
-            self.still = np.zeros(self.number, dtype=bool)
             self.since, self.rattles = np.zeros(self.number, dtype=int), np.zeros(self.number, dtype=int)
 
     def _gone(self) -> bool:

@@ -16,8 +16,9 @@ from cdpr_sim.anymodel.evidence import belt_of, described
 from cdpr_sim.anymodel.forces import OutOfTime
 from cdpr_sim.anymodel.friction import SLIDES
 from cdpr_sim.anymodel.judged import Judged
+from cdpr_sim.anymodel.jumps import JUMP, lasting_jump
 from cdpr_sim.anymodel.model_equilibrium import NoRest
-from cdpr_sim.anymodel.motion import TIME_SPENT, MotionEnd
+from cdpr_sim.anymodel.motion import DIVERGES, STILL, TIME_SPENT, MotionEnd
 from cdpr_sim.anymodel.names import joints_of, listed, movers, name_of
 from cdpr_sim.anymodel.stiffness import NEUTRAL, STEP
 from cdpr_sim.core.equilibrium import NotSettled
@@ -65,12 +66,20 @@ def refusal(
     worst = int(np.argmax([state.residual for state in judged.states]))
     state, part = judged.states[worst], judged.islands[worst]
     names = movers(model, judged.spread(worst, state.force / model.dof_M0[part]))
-    if ended.diverged:
+    if ended.reason == DIVERGES:
         return because(NoRest.DIVERGES, names)
     if state.held.largest > SLIDES and ended.reason != TIME_SPENT:
         return because(NoRest.SLIDES, names)
+    jump = lasting_jump(judged.balance.forces, judged.qpos, part, deadline) if state.residual > JUMP else None
+    if jump is not None:
+        why = (
+            f"the force on joint {listed(jump.joints)} jumps by {jump.size:.0%} of the largest force where {jump.cause}"
+        )
+        return because(NoRest.JUMPS, jump.joints, why)
     left = f"{judged.residual:.1e} of the largest force remains at joint {listed(names)}"
-    return because(NoRest.NOT_CONVERGED, names, f"{left} ({ended.reason})")
+    still = sum(one.residual < STILL for one in judged.states)
+    others = f"; {still} of {len(judged.states)} independent parts are at rest" if len(judged.states) > 1 else ""
+    return because(NoRest.NOT_CONVERGED, names, f"{left}{others} ({ended.reason})")
 
 
 def _mechanism(judged: Judged, start: Float[np.ndarray, " nq"]) -> Float[np.ndarray, " nv"] | None:

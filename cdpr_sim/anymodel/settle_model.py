@@ -25,6 +25,7 @@ from cdpr_sim.anymodel.refusal import refusal
 from cdpr_sim.anymodel.support import activations_at_rest, refuse_unsupported
 from cdpr_sim.core.checks import FLAG, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.progress import saying
 from cdpr_sim.physics.quiet import quiet
 
@@ -53,6 +54,9 @@ BESIDE = 1e-6
 """[m, rad] Distance from the result at which time steps begin again, where neither way found it by itself. It is the
 tolerance of the position, so that it shows that the model stays there, and no more: loaded friction lets equilibria lie
 side by side, and from 1e-5 the motion ends in another."""
+
+MOST_DOFS = 2000
+"""Degrees of freedom, at most: the modes of 2000 take some 10 s."""
 
 SHARE_OF_NEWTON = 0.3
 """Share of the time that Newton's method from the start may take."""
@@ -101,6 +105,10 @@ def settle_model(
     refuse_unless(FLAG, friction=friction, progress=progress)
     seconds, most_steps = positive("seconds", seconds, "s"), whole("most_steps", most_steps, 1)
     refuse_unsupported(model)
+    if model.nv > MOST_DOFS:
+        raise InvalidInput(
+            f"model: found {model.nv} degrees of freedom, expected at most {MOST_DOFS}: the stiffness is a full matrix"
+        )
     names = names_of_ignored(model, ignore)
     left = without(model, names)
     forces = RestForces(left, state_of(model, data, ctrl))

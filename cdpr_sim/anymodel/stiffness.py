@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from scipy.linalg import eigh
 
 from cdpr_sim.anymodel.forces import RestForces
+from cdpr_sim.anymodel.islands import displaced_together
 
 STEP = 1e-6
 """[m, rad] Of central differences: with it, rounding and curvature leave about 1e-9 of the stiffness."""
@@ -49,7 +50,7 @@ def stiffness_of(
     parts: list[Int[np.ndarray, "..."]],
     force: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> list[Float[np.ndarray, "..."]]:
-    """-d force / d q of islands, by central differences; they do not depend on each other, and are displaced together.
+    """-d force / d q of islands, by central differences; what does not depend on each other is displaced together.
 
     Args:
         forces: the forces at rest.
@@ -58,15 +59,33 @@ def stiffness_of(
         force: of all degrees of freedom, as a function of the pose; default: the net force.
     """
     at = force or (lambda there: forces.net(there).force)
-    matrices = [np.empty((len(dofs), len(dofs))) for dofs in parts]
-    for column in range(max((len(dofs) for dofs in parts), default=0)):
-        step = np.zeros(forces.model.nv)
-        step[[dofs[column] for dofs in parts if column < len(dofs)]] = STEP
+    model = forces.model
+    place, island = np.zeros(model.nv, dtype=int), np.full(model.nv, -1)
+    for number, dofs in enumerate(parts):
+        place[dofs], island[dofs] = np.arange(len(dofs)), number
+    matrices = [np.zeros((len(dofs), len(dofs))) for dofs in parts]
+    forces.net(qpos)
+    for together in displaced_together(model, forces.data):
+        wanted = [(dof, felt[island[felt] == island[dof]]) for dof, felt in together if island[dof] >= 0]
+        if not wanted:
+            continue
+        step = np.zeros(model.nv)
+        step[[dof for dof, _ in wanted]] = STEP
         change = at(forces.moved(qpos, -step)) - at(forces.moved(qpos, step))
-        for matrix, dofs in zip(matrices, parts, strict=True):
-            if column < len(dofs):
-                matrix[:, column] = change[dofs] / (2 * STEP)
+        for dof, felt in wanted:
+            matrices[island[dof]][place[felt], place[dof]] = change[felt] / (2 * STEP)
     return matrices
+
+
+def slopes(
+    force: Callable[[np.ndarray], Float[np.ndarray, " nv"]], directions: Float[np.ndarray, "nv n"], size: float
+) -> Float[np.ndarray, "nv n"]:
+    """Change of minus the force along each direction, by central differences over ``size``."""
+    found = np.empty_like(directions)
+    for column in range(directions.shape[1]):
+        step = size * directions[:, column]
+        found[:, column] = (force(-step) - force(step)) / (2 * size)
+    return found
 
 
 def modes(mass: Float[np.ndarray, "n n"], free: Float[np.ndarray, "n free"], matrix: Float[np.ndarray, "n n"]) -> Modes:

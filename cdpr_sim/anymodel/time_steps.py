@@ -21,10 +21,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import eig, eigh, null_space
 
-from cdpr_sim.anymodel.forces import RestForces
-from cdpr_sim.anymodel.friction import jacobian
+from cdpr_sim.anymodel.constraints import jacobian
+from cdpr_sim.anymodel.forces import RestForces, write_state
 from cdpr_sim.anymodel.names import movers
-from cdpr_sim.anymodel.stiffness import stiffness_of
+from cdpr_sim.anymodel.stiffness import slopes, stiffness_of
 
 MOST_DOFS = 300
 """Above this number of degrees of freedom the modes are not computed: the matrices are dense."""
@@ -89,9 +89,7 @@ def stable_steps(model: Any, data: Any) -> StableSteps | None:
     alone.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     forces, qpos = RestForces(alone, data), np.array(data.qpos)
     (stiffness,) = stiffness_of(forces, qpos, [np.arange(model.nv)])
-    damping = np.empty_like(stiffness)
-    for dof, step in enumerate(SPEED * np.eye(model.nv)):
-        damping[:, dof] = (forces.net(qpos, -step).force - forces.net(qpos, step).force) / (2 * SPEED)
+    damping = slopes(lambda step: forces.net(qpos, step).force, np.eye(model.nv), SPEED)
     forces.net(qpos)
     joints = np.zeros_like(damping)
     if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP | mujoco.mjtDisableBit.mjDSBL_DAMPER):
@@ -114,8 +112,7 @@ def stable_steps(model: Any, data: Any) -> StableSteps | None:
 def _free(model: Any, data: Any) -> Float[np.ndarray, "nv free"]:
     """Directions that equality constraints leave."""
     there = mujoco.MjData(model)
-    there.qpos[:], there.act[:], there.ctrl[:] = data.qpos, data.act, data.ctrl
-    there.mocap_pos[:], there.mocap_quat[:], there.eq_active[:] = data.mocap_pos, data.mocap_quat, data.eq_active
+    write_state(there, data)
     mujoco.mj_fwdPosition(model, there)
     rows = jacobian(model, there)[there.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
     return null_space(rows, rcond=1e-9) if len(rows) else np.eye(model.nv)

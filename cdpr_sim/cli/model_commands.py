@@ -70,7 +70,10 @@ def settle_model(
     if as_json:
         print_json(json_of.model_equilibrium(model, found))
     else:
-        print_parts(*report.rest_lead(found), report.pose_table(model, start.qpos, found))
+        pose = (
+            report.pose_table(model, start.qpos, found) if model.njnt else "The model has no joints: nothing can move."
+        )
+        print_parts(*report.rest_lead(found), pose)
         if len(found.tendon_tensions):
             print_parts(report.tension_table(found))
         if found.contact_forces:

@@ -12,7 +12,7 @@ from cdpr_sim.cli import app
 
 FILE = Path(__file__).parents[2] / "pictures" / "tilting-platforms.gif"
 LINE = "--path 0.17 0.63 --y 0.25 --z 0.1"  # m, the paper's
-VIDEO = "--seconds 10 --fps 10 --size 800 450"
+VIDEO = "--seconds 10 --fps 8 --size 800 450"
 
 if __name__ == "__main__":
     FILE.parent.mkdir(exist_ok=True)

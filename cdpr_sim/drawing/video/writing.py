@@ -48,6 +48,9 @@ but cost memory."""
 ENCODERS = 4
 """Threads of the encoder, the same on every machine, since the bytes of H.264 depend on it."""
 
+COLORS = 128
+"""Of a gif: a tenth smaller than with 256, and 98 % of the pixels are the same within 8 of 255; 64 show as bands."""
+
 QUALITY = 18.0
 """Constant rate factor, or quantiser, of H.264: visually lossless."""
 
@@ -344,7 +347,7 @@ def _writer(path: Path, pictures: VideoFrames):
     if path.suffix == ".gif":
         # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.
         # Undithered it is smaller by 5 %, and nearer to the frame by half.
-        palette = "split[a][b];[a]trim=end_frame=1,palettegen[p];[b][p]paletteuse=dither=none"
+        palette = f"split[a][b];[a]trim=end_frame=1,palettegen=max_colors={COLORS}[p];[b][p]paletteuse=dither=none"
         return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, codec="gif", ffmpeg_args=["-vf", palette])
     options = ["-preset", "veryfast", "-threads", str(ENCODERS), "-movflags", "+faststart"]
     return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, crf=QUALITY, ffmpeg_args=options)
