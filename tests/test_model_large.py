@@ -101,11 +101,11 @@ def test_a_net_of_many_degrees_of_freedom_balances_at_each_node():
 def test_each_box_of_a_stack_on_a_slope_carries_those_above():
     """Between two boxes, the normal force is the weight above times the cosine, with friction the whole weight."""
     boxes = 5
-    model = on_slope(1, boxes, 0.15)
+    model = on_slope(1, boxes, 0.05)
     found = cdpr.settle_model(model)
     assert found.agreement is not None
     assert found.agreement.agrees
-    angle, joined = np.arctan(0.15), {}
+    angle, joined = np.arctan(0.05), {}
     for one in found.contact_forces:
         joined.setdefault(one.bodies, []).append(one)
     assert len(joined) == boxes
@@ -116,7 +116,7 @@ def test_each_box_of_a_stack_on_a_slope_carries_those_above():
         assert np.hypot(normal, friction) == pytest.approx(above * G, rel=PARALLEL)
     friction = found.friction.reshape(boxes, 6)[:, 0]  # between two boxes it cancels
     assert friction.sum() == pytest.approx(-boxes * G * np.sin(angle), rel=BALANCED)
-    assert found.friction_share >= 0.15 / 0.5 - 1e-6
+    assert found.friction_share >= 0.05 / 0.5 - 1e-6
 
 
 def test_bodies_that_fall_are_not_held_by_the_friction_of_others():
@@ -207,6 +207,8 @@ def test_a_tendon_that_changes_its_side_keeps_a_body_in_motion():
         mujoco.mj_step(model, data)
         speeds.append(abs(float(data.qvel[0])))
     assert max(speeds[-100:]) > 0.1
+    (finding,) = [one for one in cdpr.diagnose_model(model) if one.kind is cdpr.FindingKind.NO_REST]
+    assert finding.remedy.startswith("give the tendon's geom a sidesite")
     one_side = mujoco.MjModel.from_xml_string(FLIPS.format(' sidesite="right"'))
     found = cdpr.settle_model(one_side)
     assert found.stable

@@ -38,6 +38,7 @@ REMEDIES = {
     NoRest.TURNS: "limit the joint, or set its actuator's control to 0",
     NoRest.DRIVEN: "set the control to 0, or limit the activation by actrange",
     NoRest.BELT: "set the surface's velocity to 0, or leave the body out",
+    NoRest.JUMPS: "give the tendon's geom a sidesite, or use geoms without edges",
     NoRest.SLIDES: "raise the friction, or support it",
     NoRest.LIMIT_CYCLE: "damp the joints",
 }  # fmt: skip

@@ -81,7 +81,7 @@ def equilibrium_at(
         )
         raise NotSettled(reason, found, NoRest.SLIDES)
     for part in judged.islands:
-        belt = belt_of(judged, part) if found.creep > GROWS[0] else None
+        belt = belt_of(judged.balance.forces, judged.qpos, part) if found.creep > GROWS[0] else None
         if belt is not None:
             reason = (
                 f"{NoRest.BELT.value}: forces balance, but by the contact of {belt[0]} and {belt[1]} it moves on at"
@@ -150,10 +150,9 @@ def described(
     return found, half
 
 
-def belt_of(judged: Judged, dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | None:
+def belt_of(forces: RestForces, qpos: Float[np.ndarray, " nq"], dofs: Int[np.ndarray, " n"]) -> tuple[str, str] | None:
     """The bodies of a contact whose surface moves while they are at rest, and which exerts a force on an island."""
-    forces = judged.balance.forces
-    forces.net(judged.qpos)
+    forces.net(qpos)
     model, data = forces.model, forces.data
     moves = (data.efc_vel != 0) & (data.efc_force != 0) & np.any(jacobian(model, data)[:, dofs], axis=1)
     moves &= data.efc_type >= int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)

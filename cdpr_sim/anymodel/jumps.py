@@ -32,7 +32,7 @@ HALVINGS = 60
 """Halvings of the distance between two poses, at most."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Jump:
     """A force that jumps.
 
@@ -40,11 +40,13 @@ class Jump:
         size: as a fraction of the largest force.
         joints: on which it jumps.
         cause: what changes there.
+        qpos: the pose there.
     """
 
     size: float
     joints: tuple[str, ...]
     cause: str
+    qpos: Float[np.ndarray, " nq"]
 
 
 def lasting_jump(
@@ -104,7 +106,7 @@ def _jump(forces: RestForces, one: np.ndarray, two: np.ndarray, dofs: np.ndarray
     direction = np.zeros(forces.model.nv)
     direction[dofs] = (last - first)[dofs] / forces.model.dof_M0[dofs]
     size = float(_change(first, last, dofs, scale).max())
-    return Jump(size, movers(forces.model, direction), _cause(forces, one, two))
+    return Jump(size, movers(forces.model, direction), _cause(forces, one, two), two)
 
 
 def _cause(forces: RestForces, one: np.ndarray, two: np.ndarray) -> str:

@@ -42,9 +42,6 @@ NEAR = 0.1
 PATIENCE = 15
 """And evaluations with loaded friction after which it is applied as a force in any case, within its limits."""
 
-FALLS = 0.5
-"""Residual of an island above which it falls: friction does not hold it any more."""
-
 LONG = 30
 """Evaluations in a row without a residual of half the size, while friction holds, after which the motion stalls."""
 
@@ -256,9 +253,9 @@ class Motion:
         return max((state.residual for state in states), default=0.0)
 
     def _stick(self, part: Int[np.ndarray, " n"], state: Unbalanced) -> None:
-        """Decide whether friction holds an island; if so, it is applied as a force."""
+        """Decide whether friction holds an island, never one that touches nothing; if so, it is applied as a force."""
         trees, share = self.trees[part], state.held.largest
-        if state.residual > FALLS:
+        if not self.touched[trees].any():
             self.sticks[trees], self.ready[trees], self.loaded[trees] = False, 0, 0
         elif share > LOADED:
             one = np.unique(trees)

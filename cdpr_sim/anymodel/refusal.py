@@ -45,11 +45,15 @@ def refusal(
     def because(case: NoRest, names: tuple[str, ...], rest: str | None = None) -> NotSettled:
         return NotSettled(f"{case.value}: {rest or f'joint {listed(names)}'}", best, case, names)
 
+    def driven(part: np.ndarray, qpos: np.ndarray) -> NotSettled | None:
+        belt, names = belt_of(judged.balance.forces, qpos, part), joints_of(model, part)
+        by = f"the contact of {' and '.join(belt)} drives joint {listed(names)}" if belt else ""
+        return because(NoRest.BELT, names, by) if belt else None
+
     for part, state in zip(judged.islands, judged.states, strict=True):
-        belt = belt_of(judged, part) if state.residual > PUSHED else None
+        belt = driven(part, judged.qpos) if state.residual > PUSHED else None
         if belt is not None:
-            names = joints_of(model, part)
-            return because(NoRest.BELT, names, f"the contact of {belt[0]} and {belt[1]} drives joint {listed(names)}")
+            return belt
     for trees, case, why in (
         (ended.falling & ~ended.sliding, NoRest.FALLS, "nothing holds"),
         (ended.falling & ended.sliding, NoRest.SLIDES, "it moves away:"),
@@ -72,10 +76,9 @@ def refusal(
         return because(NoRest.SLIDES, names)
     jump = lasting_jump(judged.balance.forces, judged.qpos, part, deadline) if state.residual > JUMP else None
     if jump is not None:
-        why = (
-            f"the force on joint {listed(jump.joints)} jumps by {jump.size:.0%} of the largest force where {jump.cause}"
-        )
-        return because(NoRest.JUMPS, jump.joints, why)
+        by = f"jumps by {jump.size:.0%} of the largest force where {jump.cause}"
+        why = f"the force on joint {listed(jump.joints)} {by}"
+        return driven(part, jump.qpos) or because(NoRest.JUMPS, jump.joints, why)
     left = f"{judged.residual:.1e} of the largest force remains at joint {listed(names)}"
     still = sum(one.residual < STILL for one in judged.states)
     others = f"; {still} of {len(judged.states)} independent parts are at rest" if len(judged.states) > 1 else ""
