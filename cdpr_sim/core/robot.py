@@ -94,6 +94,8 @@ class Robot(Cables, HtmlRepr):
             overloaded cables. All three are limits of the rope's tension, as ``tensions``.
         winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
             depend on the pose, and it stretches with the rope.
+        rigid_length: part of the rest length, at the anchor and along the cable, that neither stretches nor weighs, as
+            of a clamp, an arm or a hook [m], one number or one per cable.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
         pulley_friction: c, the fraction of the tension that is lost at the exit, one number or one per cable: the
@@ -166,6 +168,7 @@ class Robot(Cables, HtmlRepr):
         force_max: ArrayLike = np.inf,
         breaking_load: ArrayLike | None = None,
         winch_to_exit: ArrayLike = 0.0,
+        rigid_length: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
         pulley_friction: ArrayLike = 0.0,
         hysteresis: Rows = (),
