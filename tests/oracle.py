@@ -35,6 +35,7 @@ class Rig:
     pulley_axis: np.ndarray
     stiffening: np.ndarray
     winch_to_exit: np.ndarray
+    rigid_length: np.ndarray
     exit_compliance: np.ndarray
     reeving: np.ndarray
     pulley_friction: np.ndarray
@@ -56,7 +57,7 @@ class Rig:
 
     def only(self, some: np.ndarray) -> Rig:
         """The rig with some of its cables."""
-        cables = {f.name: getattr(self, f.name)[some] for f in dataclasses.fields(self)[:13]}
+        cables = {f.name: getattr(self, f.name)[some] for f in dataclasses.fields(self)[:14]}
         return dataclasses.replace(self, **cables)
 
     @property
@@ -115,14 +116,15 @@ class Ropes:
 
     Args:
         rig: the robot.
-        rest: rest lengths from exit to anchor, (cables,) [m].
+        rest: rest lengths from exit to anchor, with what is rigid, (cables,) [m].
         state: memory at the last equilibrium; new ropes by default.
         seconds: since then.
     """
 
     def __init__(self, rig: Rig, rest: np.ndarray, state: State | None = None, seconds: float = 0.0) -> None:
         n = rig.reeving
-        self.rig, self.rest, self.old, self.seconds = rig, rest, state or State.new(rig), seconds
+        self.rig, self.full, self.old, self.seconds = rig, rest, state or State.new(rig), seconds
+        self.rest = rest = rest - rig.rigid_length
         self.EA, self.behind, (self.a2, self.a3) = n * rig.axial_stiffness, rig.winch_to_exit / n, rig.stiffening.T
         self.whole = rest + self.behind
         self.end = 1 + 2 * self.a2 * MOST_STRAIN + 3 * self.a3 * MOST_STRAIN**2
@@ -161,7 +163,7 @@ class Ropes:
         behind = self.behind * strain
         if self.rubbed.any():  # the rope behind the exit holds what it has, between the limits of the ratio of tensions
             lower, upper = self.behind * self.strain(F / self.ratio), self.behind * self.strain(F * self.ratio)
-            behind = np.where(self.rubbed, np.clip(self.old.beyond - self.rest, lower, upper), behind)
+            behind = np.where(self.rubbed, np.clip(self.old.beyond - self.full, lower, upper), behind)
             e = self.rest * strain + behind
         share, most, w = np.moveaxis(self.rig.hysteresis, -1, 0)
         L = self.whole[:, None]
@@ -206,7 +208,7 @@ class Ropes:
         # The next step begins with the same tension, and with the mean slope at the limits of friction.
         held = T + self.limits * (self.rig.hysteresis[..., 0] * (e[:, None] - sprung)).sum(-1)
         return State(
-            strains=(e[:, None] - sprung) / self.whole[:, None], beyond=self.rest + e - self.rest * self.strain(held),
+            strains=(e[:, None] - sprung) / self.whole[:, None], beyond=self.full + e - self.rest * self.strain(held),
             creep=self.crept + self.softer * force[:, None], tensions=force / self.rig.reeving,
         )  # fmt: skip
 
@@ -220,7 +222,7 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
         rig.reeving * rig.linear_density * rig.gravity,
         rig.wrapped,
     )
-    free = rest - wrapped
+    free, rigid = rest - wrapped, np.asarray(rig.rigid_length)[:, None]
 
     def missed(f: np.ndarray) -> np.ndarray:
         """Where cables end that leave their wheels under these tensions, less where they should."""
@@ -245,18 +247,20 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
         along = f[..., None, :] + (weight[:, None] * S)[..., None] * UP
         tension = np.linalg.norm(along, axis=-1)
         stretch = np.moveaxis(1 + ropes.strain(np.moveaxis(tension, -1, 0)), 0, -1)
+        last = f + (weight * free)[:, None] * UP
+        end = end + rigid * last / np.linalg.norm(last, axis=-1)[..., None]
         return end + (along * (stretch / tension * dS)[..., None]).sum(-2) - span
 
     # First a taut cable with half its weight at each end, or an inextensible catenary (Jonkman's guess).
     theta, s, leaving = over_wheel(rig, span)
     flat, rise = np.hypot(span[..., 0], span[..., 1]), span[..., 2]
     chord = np.hypot(flat, rise)
-    excess = (rest / (r * theta + s)) ** 2 - 1
+    excess = (ropes.full / (r * theta + s)) ** 2 - 1
     bow = np.sqrt(np.maximum(3 * (rest**2 - rise**2) / np.maximum(flat, 1e-3 * chord) ** 2 - 3, 0.04))
     hung = span * (weight / (2 * bow))[..., None]
     hung[..., 2] = weight / 2 * (rise / np.tanh(bow) - rest)
     taut = (
-        np.maximum(ropes.pulling(r * theta + s - rest), 1e-2 * weight * rest)[..., None] * leaving
+        np.maximum(ropes.pulling(r * theta + s - ropes.full), 1e-2 * weight * rest)[..., None] * leaving
         - (weight * free / 2)[..., None] * UP
     )
     f = np.where((excess > 1e-4)[..., None], hung, taut)
@@ -318,10 +322,10 @@ def balance(
         """Lengths, pulls on the anchors, and tension vectors at the exits."""
         theta, s, leaving = over_wheel(rig, span)
         lengths = rig.pulley_radius * theta + s
-        leaves = ropes.pulling(lengths - ropes.rest)[..., None] * leaving
+        leaves = ropes.pulling(lengths - ropes.full)[..., None] * leaving
         pulls = -leaves
         if some.any():
-            part = Ropes(rig.only(some), ropes.rest[some], ropes.old.only(some), ropes.seconds)
+            part = Ropes(rig.only(some), ropes.full[some], ropes.old.only(some), ropes.seconds)
             start = None if near is None else near.leaves[..., some, :]
             leaves[..., some, :], ends = hanging(part, span[..., some, :], start)
             pulls[..., some, :] = -ends
@@ -334,7 +338,7 @@ def balance(
     wrench = np.concatenate(
         [pulls.sum(-2) + weight, np.cross(arms, pulls).sum(-2) + np.cross(rotation @ rig.center_of_mass, weight)], -1
     )
-    slack = lengths <= ropes.rest
+    slack = lengths <= ropes.full
     own = rig.reeving * rig.linear_density * rig.gravity * ropes.rest
     slack &= rig.reeving * tensions <= np.maximum(own, 0.01 * rig.mass * rig.gravity)
     return Answer(wrench + load, tensions, lengths, pulls, at_exit, np.where(some, slack, tensions <= 0), leaves)
@@ -409,7 +413,8 @@ def shapes(rig: Rig, position: np.ndarray, rotation: np.ndarray, ropes: Ropes, p
     S = piece[:, None, None] * (np.arange(points - 1)[:, None] + NODES)
     along = there.leaves[some, None, None, :] + (weight[:, None, None] * S)[..., None] * UP
     T = np.linalg.norm(along, axis=-1)
-    stretch = 1 + np.moveaxis(Ropes(part, ropes.rest[some]).strain(np.moveaxis(T, 0, -1)), -1, 0)
+    stretch = 1 + np.moveaxis(Ropes(part, ropes.full[some]).strain(np.moveaxis(T, 0, -1)), -1, 0)
     pieces = (along * (stretch / T * PARTS * piece[:, None, None])[..., None]).sum(-2)
-    ends = position + part.anchors @ rotation.T
-    return ends[:, None] - np.concatenate([np.cumsum(pieces[:, ::-1], 1)[:, ::-1], np.zeros((len(ends), 1, 3))], 1)
+    ends, pulls = position + part.anchors @ rotation.T, there.pulls[some]
+    rope = ends + part.rigid_length[:, None] * pulls / np.linalg.norm(pulls, axis=1)[:, None]
+    return np.concatenate([rope[:, None] - np.cumsum(pieces[:, ::-1], 1)[:, ::-1], ends[:, None]], 1)

@@ -194,8 +194,12 @@ COLUMNS: dict[str, tuple[Callable[[Draw], dict], tuple[str, ...]]] = {
     "friction": (friction, ("pulley_friction",)),
     "hysteresis": (hysteresis, ("hysteresis",)),
     "creep": (creep, ("creep",)),
+    "rigid": (lambda d: {"rigid_length": d.span * d.between(0.05, 0.2)}, ("rigid_length",)),
 }  # fmt: skip
 """Of each property, what draws it, and the names of the robot's attributes that it is."""
+
+LISTED = 3 + len(COLUMNS)
+"""How many mixtures are not drawn."""
 
 MEMORY = {"friction", "hysteresis", "creep"}
 ELASTIC = frozenset(COLUMNS) - MEMORY
@@ -214,7 +218,7 @@ def mixtures() -> list[frozenset[str]]:
     found = [frozenset(), ELASTIC, frozenset(COLUMNS), *(frozenset([name]) for name in COLUMNS)]
     for names, within in ((sorted(ELASTIC), ELASTIC), (sorted(COLUMNS), frozenset(COLUMNS))):
         wanted = {frozenset(pair) for pair in itertools.combinations(names, 2)}
-        wanted -= {pair for one in found[3 + len(COLUMNS) :] for pair in wanted if pair <= one}
+        wanted -= {pair for one in found[LISTED:] for pair in wanted if pair <= one}
         while wanted:
             one = frozenset(random.choice(names, random.integers(2, 1 + len(within) // 2 + 1), replace=False).tolist())
             if any(pair <= one for pair in wanted):
@@ -582,10 +586,10 @@ def _rest_lengths(at: Case) -> Judge:
 
 
 STEPS = dict.fromkeys(("rest_lengths", "exits", "anchors"), 1e-8)
-STEPS |= {"pulley_radius": 1e-7, "center_of_mass": 1e-6, "winch_to_exit": 1e-6}
+STEPS |= {"pulley_radius": 2e-8, "center_of_mass": 1e-6, "winch_to_exit": 1e-6, "rigid_length": 1e-6}
 """Of differences by lengths, relative to the mean rest length; 1e-5 of other parameters, relative to the largest."""
 
-SOME_CABLES = ("pulley_radius", "winch_to_exit", "linear_density", "stiffening", "exit_compliance")
+SOME_CABLES = ("pulley_radius", "winch_to_exit", "rigid_length", "linear_density", "stiffening", "exit_compliance")
 """Parameters that some cables do not have."""
 
 
@@ -744,12 +748,13 @@ def demand(at: Case, rig: Rig, pose: np.ndarray, limits) -> tuple[np.ndarray, np
     units, n = np.repeat([1.0, rig.size], 3), rig.reeving
     W = np.concatenate([-u, np.cross(arms, -u)], 1).T * n / units[:, None]
     down = np.array([0, 0, -1.0])
-    half = (n * rig.linear_density * rig.gravity * s)[:, None] * down / 2
+    rope = s - rig.rigid_length * (rig.linear_density > 0)
+    half = (n * rig.linear_density * rig.gravity * rope**2 / s)[:, None] * down / 2  # its middle is not the cable's
     weight = rig.mass * rig.gravity * down
     load = np.concatenate(
         [weight + half.sum(0), np.cross(rotation @ rig.center_of_mass, weight) + np.cross(arms, half).sum(0)]
     )
-    differs = np.abs(rig.linear_density * rig.gravity * (u * s[:, None])[:, 2]) / 2
+    differs = np.abs(rig.linear_density * rig.gravity * rope * u[:, 2]) / 2
     lower, upper = (np.broadcast_to(limit, len(n)) for limit in limits)
     return W[list(rig.free)], (load / units)[list(rig.free)], lower + differs, upper - differs
 
@@ -1139,7 +1144,7 @@ def test_every_property_of_a_cable_has_a_column() -> None:
 def test_each_property_occurs_alone_and_in_pairs_and_all_together() -> None:
     """Pairs without a memory also among mixtures without one, since many answers refuse memory."""
     assert {frozenset(), ELASTIC, frozenset(COLUMNS), *(frozenset([name]) for name in COLUMNS)} <= set(MIXTURES)
-    small = MIXTURES[3 + len(COLUMNS) :]
+    small = MIXTURES[LISTED:]
     for within in (ELASTIC, frozenset(COLUMNS)):
         for pair in itertools.combinations(sorted(within), 2):
             assert any(set(pair) <= one <= within for one in small), pair

@@ -7,12 +7,14 @@ import numpy as np
 import oracle
 import pytest
 from oracle import Rig, Ropes
+from scipy.optimize import brentq
 from test_real_cables_physics import UP, wheel_by_hand
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible_by_linprog
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_equilibria import Cases, feasible_cases, solve_layouts
+from cdpr_sim.statics.profiles import profile
 
 POSE = (0.3, 0.25, 0.1)
 BOX = (0.1, 0.1, 0.1)
@@ -221,3 +223,64 @@ def test_parts_of_line_share_an_implausible_weight():
     fields = cdpr.load_robot("cogiro")._given | {"axial_stiffness": 1e3, "mass": mass, "inertia": None}
     assert any("stretch by" in sentence for sentence in cdpr.Robot(**fields).warnings)
     assert not any("stretch by" in sentence for sentence in cdpr.Robot(**fields | {"reeving": 4}).warnings)
+
+
+def test_a_massless_cable_is_drawn_straight_however_little_it_is_stretched():
+    """At a strain of 1e-6 the weight with which slack cables are drawn would let it sag by 1e-7 of its length."""
+    points = profile([0, 0, 0.0], [3, 0, -1.0], np.sqrt(10) / (1 + 1e-6), 1e5, 0.0, 7)
+    np.testing.assert_allclose(points, np.linspace(0, 1, 7)[:, None] * [3, 0, -1], atol=1e-15)
+
+
+@pytest.mark.parametrize("method", [cdpr.solve, cdpr.settle])
+@pytest.mark.parametrize(("rigid", "behind", "parts"), [(0.4, 0.0, 1), (1.2, 0.0, 2), (0.4, 0.7, 3)])
+def test_what_is_rigid_at_the_anchor_does_not_stretch(method, rigid, behind, parts):
+    """A plumb cable sinks by m g (n (l0 − r) + g)/(n² EA)."""
+    robot = cdpr.Robot(
+        [[0, 0, 2.0]], [[0, 0, 0.0]], 4e3, 10.0, rigid_length=rigid, winch_to_exit=behind, reeving=parts,
+        platform_size=BOX,
+    )  # fmt: skip
+    found = method(robot, (0, 0, 0.5))
+    sunk = 98.1 * (parts * (1.5 - rigid) + behind) / (parts**2 * 4e3)
+    np.testing.assert_allclose(found.position, [0, 0, 0.5 - sunk], atol=1e-9)
+
+
+@pytest.mark.parametrize("method", [cdpr.solve, cdpr.settle])
+def test_a_plumb_cable_with_mass_hangs_on_what_is_not_rigid(method):
+    """It sinks by (m g L + w L²/2)/EA with L = l0 − r, and pulls the platform with m g."""
+    robot = cdpr.Robot([[0, 0, 2.0]], [[0, 0, 0.0]], 4e3, 10.0, linear_density=0.5, rigid_length=0.4, platform_size=BOX)
+    found = method(robot, (0, 0, 0.5))
+    np.testing.assert_allclose(found.position[2], 0.5 - (98.1 * 1.1 + 0.5 * 9.81 * 1.1**2 / 2) / 4e3, atol=1e-9)
+    np.testing.assert_allclose(found.tensions, 98.1, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", [cdpr.solve, cdpr.settle])
+def test_a_rigid_part_lies_along_the_end_of_a_hanging_cable(method):
+    """Two mirrored inextensible catenaries end where SciPy finds it, a third of each behind straight."""
+    exits, anchors = [[-1.1, 0, 2.0], [1.1, 0, 2.0]], [[-0.1, 0, 0], [0.1, 0, 0]]
+    rest, rigid, weight = 1.5, 0.5, 0.8 * 9.81
+    robot = cdpr.Robot(
+        exits, anchors, 1e9, 0.5, linear_density=0.8, rigid_length=rigid, mobility="planar", platform_size=BOX
+    )
+    found = method(robot, (0, 0, 1.2), np.full(2, rest))
+    rope, upwards = rest - rigid, 0.5 * 9.81 / 2  # the vertical pull of each rope on the platform
+
+    def across(H: float) -> float:  # the distance of exit and platform, of a rope that ends with the slope V/H
+        reach = H / weight * (np.arcsinh((upwards + weight * rope) / H) - np.arcsinh(upwards / H))
+        return reach + rigid * H / np.hypot(H, upwards) - 1.0
+
+    H = brentq(across, 1e-3, 1e3)
+    height = (np.hypot(H, upwards + weight * rope) - np.hypot(H, upwards)) / weight
+    height += rigid * upwards / np.hypot(H, upwards)
+    np.testing.assert_allclose(found.position, [0, 0, 2.0 - height], atol=1e-7)
+    np.testing.assert_allclose(found.tensions, np.hypot(H, upwards), rtol=1e-6)
+
+
+def test_a_rest_length_is_more_than_what_is_rigid():
+    """Of one problem it is refused; of many, that row has no answer."""
+    robot = cdpr.load_robot("cogiro").replace(rigid_length=0.25)
+    rest = robot.rest_lengths(POSE)
+    rest[2] = 0.25
+    with pytest.raises(cdpr.InvalidInput, match=r"found 0\.25 m in cable 3, expected more than its rigid_length"):
+        cdpr.solve(robot, POSE, rest)
+    batch = cdpr.solve_many(robot, np.array([POSE, POSE]), np.array([rest + 0.1, rest]))
+    assert batch.converged.tolist() == [True, False]

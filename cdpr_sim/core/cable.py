@@ -35,12 +35,14 @@ from cdpr_sim.core.property import (
     within,
 )
 
-EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED, GIVES = 0, 3, 6, 9, 10, 13, 14, 15, 16, 17
-LAW, COLUMNS = RADIUS - STIFFNESS, 20
+EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, RIGID, PARTS, WEIGHT, WRAPPED, GIVES = (
+    0, 3, 6, 9, 10, 13, 14, 15, 16, 17, 18
+)  # fmt: skip
+LAW, COLUMNS = RADIUS - STIFFNESS, 21
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
 line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``, the exit's compliance along x, y and
-z; how many numbers a law has, and how many columns there are."""
+the rigid length, the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``, the exit's
+compliance along x, y and z; how many numbers a law has, and how many columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -222,6 +224,12 @@ class Cables:
         label="exit compliance {part} of cable {cable}", step=Step(_step_of_compliance, least=True),
         example=("[2e-7, 2e-7, 1e-7]", "m/N along x, y, z, or one number: the exit moves under the cable's force"),
         said=("exits that give way by {}, {}, {} mm/kN along x, y, z", lambda cabling: 1e6 * cabling.exit_compliance),
+    )
+    rigid_length: Float[np.ndarray, " cables"] = declared(
+        "Part of the rest length, at the anchor, that neither stretches nor weighs: a clamp, a hook.",
+        "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
+        example=("0.1", "m at the anchor, which neither stretch nor weigh: a clamp, a hook"),
+        said=("{} mm rigid at the anchor", lambda cabling: 1e3 * cabling.rigid_length),
     )
     reeving: Int[np.ndarray, " cables"] = declared(
         "Parts of line between exit and platform, a whole number.",
@@ -428,19 +436,21 @@ class Cabling(Cables, Frozen):
 
         In the mathematics, a rope with n parts of line, g = ``winch_to_exit``, the rest length l0 from exit to anchor,
         the weight w and the law tau(eps) is one cable of the law n tau(eps) and the weight n w, of which a length
-        g/n lies behind the exit: the strain n (l − l0)/(n l0 + g) is (l − l0)/(l0 + g/n), and n tau pulls.
+        g/n lies behind the exit: the strain n (l − l0)/(n l0 + g) is (l − l0)/(l0 + g/n), and n tau pulls. With the
+        ``rigid_length`` r at the anchor the rope from exit to anchor is l0 − r long, and the strain (l − l0)/(l0 − r +
+        g/n).
         """
         return frozen(self.winch_to_exit / self.reeving)
 
-    @property
-    def added(self) -> Float[np.ndarray, " cables"]:
-        """What stretches besides the rest length, for each part of line, (cables,) [m]."""
-        return self.behind
-
     @cached_property
+    def added(self) -> Float[np.ndarray, " cables"]:
+        """What stretches besides the rest length, for each part of line, (cables,) [m]; negative where less does."""
+        return frozen(self.behind - self.rigid_length)
+
+    @property
     def least_lengths(self) -> Float[np.ndarray, " cables"]:
         """What every rest length exceeds, (cables,) [m]: what is no rope of it."""
-        return frozen(np.zeros(len(self)))
+        return self.rigid_length
 
     def ropes(self, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
         """Of rest lengths the lengths of rope between exits and anchors, which stretch and weigh, (..., cables) [m]."""
@@ -459,7 +469,9 @@ class Cabling(Cables, Frozen):
         short = ~(rest_lengths > self.least_lengths)
         if short.any():
             cable = int(np.argmax(short))
-            raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m, expected more than 0")
+            least = self.rigid_length[cable]
+            expected = f" in cable {cable + 1}, expected more than its rigid_length, {least:g} m" if least else ""
+            raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m{expected or ', expected more than 0'}")
 
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.
@@ -502,6 +514,7 @@ class Cabling(Cables, Frozen):
                     self.pulley_radius,
                     self.pulley_axis,
                     self.behind,
+                    self.rigid_length,
                     self.reeving,
                     np.zeros((len(self), 2)),
                     self.exit_compliance,

@@ -2,14 +2,15 @@
 
 MuJoCo's spring pulls with s (k + s (p + q s)) at the stretch s (``stiffness`` k, ``stiffnesspoly`` p and q). A rope
 with n parts of line and a length g between winch and exit stretches by n (l - l0) over its length L = n l0 + g, and
-each part pulls. As one tendon it has the coefficients n² EA/L, n³ EA a2/L² and n⁴ EA a3/L³; its force is n tau.
+each part pulls. As one tendon it has the coefficients n² EA/L, n³ EA a2/L² and n⁴ EA a3/L³; its force is n tau. What is
+rigid at the anchor is part of the tendon's length, and none of L.
 
 This is the law's second coding: the mathematics has its own in ``core.cable_law``, and neither reads the other's.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,6 +78,7 @@ class Law:
         square, cube: coefficients of tau = EA (eps + square eps² + cube eps³).
         parts: of line.
         far: length of rope between winch and exit [m].
+        rigid: part of the rest length that is rigid, at the anchor [m].
         linear: whether ``square`` and ``cube`` are 0 in all cables.
     """
 
@@ -85,6 +87,7 @@ class Law:
     cube: Float[np.ndarray, " cables"]
     parts: Int[np.ndarray, " cables"]
     far: Float[np.ndarray, " cables"]
+    rigid: Float[np.ndarray, " cables"]
     linear: bool
 
     @classmethod
@@ -92,12 +95,13 @@ class Law:
         """The law of a robot's cables, with another EA [N] if given."""
         stiffness = cabling.axial_stiffness if axial_stiffness is None else axial_stiffness
         square, cube = cabling.stiffening.T
-        return cls(stiffness, square, cube, cabling.reeving, cabling.winch_to_exit, cabling.linear)
+        lengths = cabling.winch_to_exit, cabling.rigid_length
+        return cls(stiffness, square, cube, cabling.reeving, *lengths, cabling.linear)
 
     def some(self, which: Any) -> Law:
         """The law of some cables, by an index of the last dimension."""
-        stiffness, parts, far = (number[..., which] for number in (self.stiffness, self.parts, self.far))
-        return Law(stiffness, self.square[..., which], self.cube[..., which], parts, far, self.linear)
+        numbers = {name: getattr(self, name)[..., which] for name in self.__dict__ if name != "linear"}
+        return replace(self, **numbers)
 
     @property
     def behind(self) -> Float[np.ndarray, " cables"]:
@@ -106,26 +110,27 @@ class Law:
 
     def ropes(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Float[np.ndarray, "*batch cables"]:
         """Length of rope between exit and anchor, for each part of line [m]: it stretches and weighs."""
-        return rest_lengths
+        return rest_lengths - self.rigid
 
     @property
     def added(self) -> Float[np.ndarray, " cables"]:
-        """Length that stretches besides the rest length, for each part of line [m]."""
-        return self.behind
+        """Length that stretches besides the rest length, for each part of line [m]; negative where less does."""
+        return self.behind - self.rigid
 
     def springs(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Springs:
         """The springs of tendons from exit to anchor."""
-        return self._over(self.parts * rest_lengths + self.far)
+        return self._over(self.parts * self.ropes(rest_lengths) + self.far)
 
     def sticking(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Springs:
         """The same of ropes that friction holds at their exits."""
-        return self._over(self.parts * rest_lengths)
+        return self._over(self.parts * self.ropes(rest_lengths))
 
     def segments(self, lengths: Float[np.ndarray, "*batch cables segments"]) -> Springs:
-        """The springs of all segments of chains; the first stretches with the rope behind it."""
+        """The springs of all segments of chains, the first with the rope behind it, the last with what is rigid."""
         each = self.some(None)
         ropes = each.parts * lengths
         ropes[..., 0] += self.far
+        ropes[..., -1] -= self.parts * self.rigid
         return each._over(ropes)
 
     def steepest(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Float[np.ndarray, "*batch cables"]:
@@ -165,11 +170,16 @@ class Law:
 
 def in_words(cabling: Cabling) -> tuple[str, str]:
     """The formula of the tension in a model's description; and what its winches add to lengths, "" for nothing."""
-    parts, whole, added = "", "l0", ""
+    parts, whole, said, added = "", "l0", [], ""
+    rigid = bool(cabling.has("rigid_length").any())
     if not cabling.direct:
-        parts, whole = "n ", "(l0 + g/n)"
+        parts, whole, said = "n ", "l0 + g/n", ["n parts of line and g from winch to exit"]
         added = "With a rope g from winch to exit and n parts of line, g/n is added to L and l0."
+    if rigid:
+        whole, said = f"{whole} - d", [*said, "d rigid at the anchor"]
+        added = f"{added} What is rigid at the anchor, d, is subtracted from L and l0.".strip()
+    whole = f"({whole})" if said else whole
     law = f"{parts}EA (l - l0)/{whole}"
     if not cabling.linear:
         law = f"{parts}EA (eps + a2 eps² + a3 eps³), eps = (l - l0)/{whole},"
-    return law + (" with n parts of line and g from winch to exit" if parts else ""), added
+    return law + (f" with {', '.join(said)}" if said else ""), added

@@ -18,6 +18,10 @@ on a crane. The rule is of one order less: a slack chain over a wheel, divided w
 its length where the horizontal tension is a tenth of its weight, and of 1e-5 at ``SHARPEST``. The first segment must
 reach beyond the wheel (``too_short``).
 
+What is rigid at the anchor lies along the cable's tension there. It lengthens the last segment of a quadrature with a
+point fixed at the anchor, whose tension is that one: no mass is beyond it. With points fixed at both ends it is Gauss
+and Lobatto's.
+
 A nonlinear law is that of ``cable``, for each segment.
 
 In a model with winches, or without the damping that lets it settle, one tendon ``cable_1`` through all masses is the
@@ -133,16 +137,16 @@ class ChainDivision(NamedTuple):
     masses: Float[np.ndarray, "*rows #chains points"]
 
 
-def straight(at_exit: Bool[np.ndarray, " chains"]) -> ChainDivision:
-    """Divisions by the quadrature along the cable, for chains ``felt_at_exit`` and others."""
-    points, weights = _quadrature(at_exit)
+def straight(ends: Int[np.ndarray, " chains"]) -> ChainDivision:
+    """Divisions by the quadrature along the cable, for chains with these ``fixed_ends``."""
+    points, weights = _quadrature(ends)
     return ChainDivision(weights / 2, np.diff((points + 1) / 2, append=1.0))
 
 
 def divisions(
     level: Float[np.ndarray, "*rows chains"],
     bend: Float[np.ndarray, "*rows chains"],
-    at_exit: Bool[np.ndarray, " chains"],
+    ends: Int[np.ndarray, " chains"],
 ) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
@@ -151,40 +155,50 @@ def divisions(
     Args:
         level: position along each chain, from the exit, where it is horizontal, as a fraction of its length.
         bend: distance from there to where its slope is 45 degrees.
-        at_exit: which chains are ``felt_at_exit``.
+        ends: the chains' ``fixed_ends``.
     """
-    points, weights = _quadrature(at_exit)
+    points, weights = _quadrature(ends)
     level, bend = level[..., None], np.maximum(bend, SHARPEST)[..., None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
     bent = ChainDivision(lengths / lengths.sum(-1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(at_exit), strict=True)))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(ends), strict=True)))
 
 
-def felt_at_exit(cabling: Cabling) -> Bool[np.ndarray, " chains"]:
-    """Which cables with mass need the tension at the exit itself in their first segments.
+def ends_of(cabling: Cabling) -> Int[np.ndarray, " chains"]:
+    """``fixed_ends`` of the cables with mass.
 
-    A wheel or the rope behind feels it, a frame that gives way, and a memory.
+    A wheel, the rope behind, a frame that gives way and a memory feel the tension at the exit; what is rigid at the
+    anchor, that there.
     """
-    felt = cabling.pulleys | (cabling.behind > 0) | cabling.moving_exits | cabling.has_memory
-    return felt[cabling.with_mass]
+    at_exit = cabling.pulleys | (cabling.behind > 0) | cabling.moving_exits | cabling.has_memory
+    return fixed_ends(at_exit, Law.of(cabling).rigid > 0)[cabling.with_mass]
 
 
-def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
-    """Points from -1 to 1, and weights: Gauss and Radau's for chains ``felt_at_exit``, else Gauss and Legendre's."""
-    return tuple(both[at_exit.astype(int)] for both in _quadratures())
+def fixed_ends(at_exit: Bool[np.ndarray, " chains"], at_anchor: Bool[np.ndarray, " chains"]) -> Int[np.ndarray, "..."]:
+    """Numbers of the quadratures of chains whose first or last segments need the tension at the very end."""
+    return at_exit + 2 * at_anchor
+
+
+def _quadrature(ends: Int[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
+    """Points from -1 to 1, and weights, by ``fixed_ends``: Gauss and Legendre's, Radau's at either end, Lobatto's."""
+    return tuple(both[ends] for both in _quadratures())
 
 
 @cache
-def _quadratures() -> tuple[Float[np.ndarray, "2 points"], Float[np.ndarray, "2 points"]]:
-    """Both rules; rounded, since the last digits differ between versions of NumPy."""
+def _quadratures() -> tuple[Float[np.ndarray, "4 points"], Float[np.ndarray, "4 points"]]:
+    """All four; rounded, since the last digits differ between versions of NumPy."""
+    legval = np.polynomial.legendre.legval
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
     last = np.eye(SEGMENTS + 1)[SEGMENTS - 1]  # coefficients of the Legendre polynomial of one degree less
     radau = np.polynomial.legendre.legroots(last + np.eye(SEGMENTS + 1)[SEGMENTS]).real  # complex from NumPy 2.5 on
     radau[0] = -1.0
-    slopes = (1 - radau) / (SEGMENTS * np.polynomial.legendre.legval(radau, last)) ** 2
-    return np.round([points, radau], 14), np.round([weights, slopes], 14)
+    slopes = (1 - radau) / (SEGMENTS * legval(radau, last)) ** 2
+    inner = np.polynomial.legendre.legroots(np.polynomial.legendre.legder(last)).real
+    lobatto = np.concatenate([[-1.0], inner, [1.0]])
+    both = 2 / (SEGMENTS * (SEGMENTS - 1) * legval(lobatto, last) ** 2)
+    return np.round([points, radau, -radau[::-1], lobatto], 14), np.round([weights, slopes, slopes[::-1], both], 14)
 
 
 def cut(
@@ -195,11 +209,12 @@ def cut(
     Of all cables with mass; the default is the ``straight`` division.
     """
     cables = np.flatnonzero(robot.cabling.with_mass)
-    division = straight(felt_at_exit(robot.cabling)) if division is None else division
+    division = straight(ends_of(robot.cabling)) if division is None else division
     wrapped = robot.wrapped_lengths[cables]
     weighing = (Law.of(robot.cabling).ropes(rest_lengths)[..., cables] - wrapped)[..., None]
     lengths = division.lengths * weighing
     lengths[..., 0] += wrapped
+    lengths[..., -1] += Law.of(robot.cabling).rigid[cables]
     densities = robot.cabling.pulls(robot.cabling.linear_density)  # with all parts of line
     return lengths, densities[cables, None] * weighing * division.masses
 
@@ -264,7 +279,10 @@ def profiles(
     cables = np.flatnonzero(robot.cabling.with_mass)
     starts, ends = pulleys.departures(robot, anchors)[..., cables, :], anchors[..., cables, :]
     free = (rest_lengths - robot.wrapped_lengths)[..., cables]
-    return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling)).lengths)[..., :0:-1, :]
+    rope = (1 - Law.of(robot.cabling).rigid[cables] / free)[..., None]
+    parts = straight(ends_of(robot.cabling)).lengths * rope
+    parts[..., -1:] += 1 - rope
+    return -shape(starts, ends, free, parts)[..., :0:-1, :]
 
 
 def add_chains(
@@ -304,12 +322,12 @@ def add_chains(
     for cable, extent, lengths, masses, stiffnesses, further in rows:
         i, length = int(cable) + 1, problem.rest_lengths[cable]
         over, nonlinear = bool(cabling.pulleys[cable]), bool(cabling.nonlinear[cable])
-        if masses.min() < LEAST_MASS:
+        if masses[masses != 0].min() < LEAST_MASS:  # none is at the anchor of a cable that is rigid there
             raise InvalidInput(
                 f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
                 "expected 0 or more than that: MuJoCo does not accept smaller masses"
             )
-        _point(platform, f"end_{i}", cabling.anchors[cable], masses[-1])
+        _point(platform, f"end_{i}", cabling.anchors[cable], max(masses[-1], LEAST_MASS))
         parent, place = platform, cabling.anchors[cable]
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
@@ -357,13 +375,15 @@ def add_proportions(root: ET.Element, model: mujoco.MjModel, problem: Problem) -
     robot, cabling = problem.robot, problem.robot.cabling
     cables = np.flatnonzero(cabling.with_mass)
     divided, _ = cut(robot, problem.rest_lengths)
-    behind = pulleys.entries(cabling) + robot.wrapped_lengths
+    behind, rigid = pulleys.entries(cabling) + robot.wrapped_lengths, Law.of(cabling).rigid
     parent = ET.SubElement(root, "equality")
     for cable, lengths in zip(cables, divided, strict=True):
         names = [f"cable_{cable + 1}_{k}" for k in range(1, SEGMENTS + 1)]
         written = np.array([model.tendon_length0[model.tendon(name).id] for name in names])
-        constant = np.append(behind[cable], np.zeros(SEGMENTS - 1))
+        constant = np.zeros(SEGMENTS)
+        constant[0], constant[-1] = behind[cable], rigid[cable]
         lengths[0] -= robot.wrapped_lengths[cable]
+        lengths[-1] -= rigid[cable]
         longest = int(np.argmax(lengths))
         ratios = lengths / lengths[longest]
         # Rounded: the last digits of lengths differ between versions of MuJoCo.

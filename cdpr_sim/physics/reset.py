@@ -17,7 +17,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.cable import Springs
-from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
+from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, fixed_ends, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
 from cdpr_sim.physics.winches import LEAST_SPARE, controls
@@ -131,7 +131,9 @@ class _Parts:
         drums: joints of drums, or -1.
         swivels: the wheels.
         offsets: differences between the lengths of tendons, with drums at 0, and cables [m].
-        shared: lengths of rope behind the exit, for each part of line [m].
+        behind: lengths of rope behind the exit, for each part of line [m].
+        rigid: what is rigid at the anchors [m].
+        shared: c, what stretches besides the rest lengths: the first less the second [m].
         uneven: how much further cables with mass stretch than under their mean tension [m].
         direct: tendons from exit to anchor: the cables, or the chords of those with mass.
         parts_of_line: numbers of parts.
@@ -186,9 +188,10 @@ class _Parts:
         self.offsets, coiled = ENTRY * radii, np.flatnonzero(self.drums >= 0)
         coils = model.body_pos[model.jnt_bodyid[self.drums[coiled]]] - model.site_pos[exits[coiled]]
         self.offsets[coiled] = np.linalg.norm(coils, axis=1)
-        user = np.zeros((count, 3))
-        user[:, : min(3, model.nuser_tendon)] = model.tendon_user[self.cables, :3]
-        self.parts_of_line, self.shared, self.uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
+        user = np.zeros((count, 4))
+        user[:, : min(4, model.nuser_tendon)] = model.tendon_user[self.cables, :4]
+        self.parts_of_line, self.behind, self.uneven, self.rigid = np.maximum(user[:, 0], 1), *user[:, 1:].T
+        self.shared = self.behind - self.rigid
         acting = np.where(self.winches >= 0, self.winches, self.dampers)
         linear = (acting >= 0) & (self.drums < 0)
         bias = model.actuator_biasprm[acting] if model.nu else np.zeros((count, 2))
@@ -271,21 +274,24 @@ class _Parts:
         Returns:
             Stretched lengths [m], and ``chains.uneven`` here [m].
         """
-        cables, shared, radii = self.heavy, self.shared[self.heavy], self.radii[self.heavy]
+        cables, behind, radii = self.heavy, self.behind[self.heavy], self.radii[self.heavy]
+        rigid = self.rigid[cables]
         lengths = model.tendon_lengthspring[self.segments, 1].copy()
         lengths[:, 0] -= ENTRY * radii
-        fractions = straight((shared > 0) | (radii > 0)).lengths
+        lengths[:, -1] -= rigid
+        fractions = straight(fixed_ends((behind > 0) | (radii > 0), rigid > 0)).lengths
         beyond = lengths[:, 1:].sum(1) / (1 - fractions[:, 0])
         wrapped = lengths[:, 0] - fractions[:, 0] * beyond
-        scale = (ropes[cables] - shared - wrapped) / beyond
+        scale = (ropes[cables] - behind - wrapped) / beyond
         if not (scale > 0).all():
             cable = int(np.argmin(scale))
             raise InvalidInput(
                 f"rest_lengths: found {(ropes - self.shared)[cables][cable]:.4g} m for cable {cables[cable] + 1}, "
-                f"expected more than {wrapped[cable]:.4g} m, which lie on its wheel"
+                f"expected more than {wrapped[cable] + rigid[cable]:.4g} m, which lie on its wheel or are rigid"
             )
         rest = fractions * (beyond * scale)[:, None]
         rest[:, 0] += wrapped
+        rest[:, -1] += rigid
         stretching = fractions * ropes[cables, None]  # in proportion, also for what lies on the wheel and behind
         ratio = self.written[cables, None] / stretching
         further = np.moveaxis(model.tendon_stiffnesspoly[self.cables[cables]], -1, 0)[..., None]
@@ -308,7 +314,7 @@ class _Parts:
         mujoco.mj_forward(model, data)
         per_length = np.linalg.norm(whole, axis=1) / (beyond * scale)
         rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
-        further = (wrapped + shared) * per_length * rise / 2 / stiffness
+        further = (wrapped + behind) * per_length * rise / 2 / stiffness
         return data.ten_length[self.segments].sum(1) - ENTRY * radii, further
 
 

@@ -224,7 +224,7 @@ class RopeStep:
         Args:
             rest_lengths: of these first segments [m]; of massless cables, from exit to anchor.
         """
-        return replace(self, beside=self.rest_lengths - rest_lengths)
+        return replace(self, beside=np.maximum(self.beyond - rest_lengths, 0))
 
     @cached_property
     def taut(self) -> PerCable:

@@ -34,8 +34,8 @@ from cdpr_sim.physics.chains import (
     Chains,
     cut,
     divisions,
+    ends_of,
     expected_pulls,
-    felt_at_exit,
     hang,
     profiles,
     straight,
@@ -217,7 +217,7 @@ class Simulations:
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         if not self.given:
             if self.heavy:
-                division = straight(felt_at_exit(cabling))
+                division = straight(ends_of(cabling))
                 self.division = ChainDivision(*(np.tile(part, (rows, 1, 1)) for part in division))
             self._let_out(self.all)
         load = np.maximum(robot.weight, np.abs(self.wrenches / robot.units).max(1))
@@ -693,7 +693,7 @@ class Simulations:
         at, pulls, bends = at[bent], pulls[bent], bends[bent]
         qpos, weights = self.qpos[at].copy(), self.weights[at][..., None]
         for _ in range(2 if len(at) else 0):
-            division = divisions(1 + pulls[..., 2], bends, felt_at_exit(self.robot.cabling))
+            division = divisions(1 + pulls[..., 2], bends, ends_of(self.robot.cabling))
             for own, part in zip(self.division, division, strict=True):
                 own[at] = part
             self._let_out(at)

@@ -63,15 +63,16 @@ def add_tendons(
         heavy = cabling.with_mass[i - 1]
         if heavy and nodes is None:
             continue
-        parts, added = float(law.parts[i - 1]), law.added[i - 1]
-        properties = [parts, added, *([uneven[i - 1]] if heavy else [])]
+        parts, behind, rigid = float(law.parts[i - 1]), law.behind[i - 1], law.rigid[i - 1]
+        properties = [parts, behind, uneven[i - 1] * heavy, rigid][: 4 if rigid > 0 else 3 if heavy else 2]
+        told = parts > 1 or behind > 0 or heavy or rigid > 0
         nonlinear = cabling.nonlinear[i - 1]
         spring = nonlinear or not wound
         cable = add(
             tendons,
             "spatial",
             {"name": f"cable_{i}", "class": "cable"},
-            user=properties if parts > 1 or added != 0 or heavy else None,  # ``reset`` cannot read it elsewhere
+            user=properties if told else None,  # ``reset`` cannot read it elsewhere
             stiffness=[stiffness, *(further[i - 1] if nonlinear else [])] if spring else None,
             springlength=[0, length] if spring else None,
             damping=None if step is None else step * stiffness,

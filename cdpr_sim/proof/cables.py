@@ -10,14 +10,15 @@ error in shared code.
   direction of ρ: the slope of l. Its change is t tᵀ/s, with t = n cos θ − e sin θ, and the swivelling of the wheel.
 - Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise. Beyond ε = 20 % the equations are
   continued linearly, and what they enclose there is no equilibrium (``certificate.beyond_law``). A rope with n parts of
-  line, and the length g between winch and exit, has ε = n (l − l0)/(n l0 + g) and pulls with n τ.
+  line, and the length g between winch and exit, has ε = n (l − l0)/(n l0 + g) and pulls with n τ. Of a cable with the
+  rigid length d at its anchor, l0 − d stretches: ε = n (l − l0)/(n (l0 − d) + g).
 - A cable with mass adds its tension vector t = (t_h, V) as unknowns: where its weight w per rest length begins, after
   the massless first length c (``Robot.wrapped_lengths``). There it leaves the wheel along u = t/T, at the angle θ =
   atan2(|e × u|, e·u) from the axis e. From there on a rest length L hangs freely (Irvine, Cable Structures, 1981,
-  chapter 1), up to the vertical part V + w L and the tension T₁ at the anchor. With the strain ε(T), the inverse of the
-  law, the cable ends at its anchor b if
+  chapter 1), up to the vertical part V + w L and the tension T₁ at its end, along u₁; what is rigid lies along it. With
+  the strain ε(T), the inverse of the law, the cable ends at its anchor b if
 
-      b − a = r sin θ (u + e)/(1 + cos θ) + [c + (c + g/n) ε − r θ] u + (t_h δ, T₁ − T)/w + ∫ ε (t_h, V) dx/w,
+      b − a = r sin θ (u + e)/(1 + cos θ) + [c + (c + g/n) ε − r θ] u + (t_h δ, T₁ − T)/w + ∫ ε (t_h, V) dx/w + d u₁,
 
   with δ = 2 artanh(w L/(T + T₁)), and T(x) = T_m cosh x + V_m sinh x, V = dT/dx, over an interval of the length δ.
 
@@ -104,7 +105,8 @@ class Cable:
         cabling.refuse_unknown("proof")
         self.exit = exact(cabling.exits[index])
         self.anchor = exact(cabling.anchors[index])
-        self.rest_length = exact(problem.rest_lengths[index])
+        self.rest_length, self.rigid = exact(problem.rest_lengths[index]), exact(cabling.rigid_length[index])
+        self.hanging = self.rest_length - self.rigid  # what is rope of it
         self.axial_stiffness = exact(cabling.axial_stiffness[index])
         self.parts, self.behind = int(cabling.reeving[index]), exact(cabling.winch_to_exit[index])
         self.a2, self.a3 = exact(cabling.stiffening[index])
@@ -117,7 +119,7 @@ class Cable:
         self.weight = self.parts * exact(cabling.linear_density[index]) * exact(problem.robot.gravity)
         self.massless = exact(problem.robot.wrapped_lengths[index])
         share = exact(SHARE) * exact(problem.mass) * exact(problem.robot.gravity)
-        self.slack_limit = share.max(self.weight * self.rest_length)
+        self.slack_limit = share.max(self.weight * self.hanging)
         self.no_slope = zeros(3, 3)  # of a cable without mass that is not stretched
 
     def pull(self, at: Balls, unknowns: Balls | None = None, taken_as: bool | None = None) -> Pull:
@@ -180,12 +182,12 @@ class Cable:
 
     def _tension_start(self, from_exit: Balls) -> np.ndarray:
         """Of a stretched cable that pulls along its massless path; or of one that hangs between points, linear."""
-        rest, weight = middle(self.rest_length), middle(self.weight)
-        hanging, span = middle(self._free_weight()), middles(from_exit)
+        rest, weight = middle(self.hanging), middle(self.weight)
+        hanging, span = middle(self._free_weight()), middles(from_exit) * middle(self.hanging / self.rest_length)
         path, along, _ = self._path(from_exit)
-        length = middle(path)
-        if length > rest:
-            tension = self.parts * middle(self._tension(exact(length - rest))[0])
+        stretch = middle(path - self.rest_length)
+        if stretch > 0:
+            tension = self.parts * middle(self._tension(exact(stretch))[0])
             if tension > hanging:
                 return tension * middles(along) - [0, 0, hanging / 2]
         across, rise = span[0] ** 2 + span[1] ** 2, span[2] ** 2
@@ -206,7 +208,7 @@ class Cable:
 
     def _free_weight(self) -> Ball:
         """w L [N]."""
-        return self.weight * (self.rest_length - self.massless)
+        return self.weight * (self.hanging - self.massless)
 
     def strain(self, stretch: Ball) -> Ball:
         """ε for this stretch of one part of line, of a cable without mass."""
@@ -214,7 +216,7 @@ class Cable:
 
     def _rope(self) -> Ball:
         """The rest length from the winch to the rope's end [m]."""
-        return self.rest_length * self.parts + self.behind
+        return self.hanging * self.parts + self.behind
 
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
         """τ and its derivative by the length of the rope [N, N/m], for this stretch of one part of line, or none."""
@@ -280,7 +282,7 @@ class Cable:
 
     def _end(self, t: Balls, from_exit: Balls) -> tuple[Balls, Balls]:
         """The gap from the anchor to where a cable with mass ends, (3,) [m], and its derivatives, (3, 3) [m/N]."""
-        w, L, W = self.weight, self.rest_length - self.massless, self._free_weight()
+        w, L, W = self.weight, self.hanging - self.massless, self._free_weight()
         across = t[:2] @ t[:2]
         T, V1 = (across + t[2] * t[2]).sqrt(), t[2] + W
         T1 = (across + V1 * V1).sqrt()
@@ -293,6 +295,9 @@ class Cable:
         slopes = _bordered(t, delta, -bent, -mean / (T * T1), across * bent)
         stretched, more = self._stretch(t, W, across)
         guided, turning = self._guided(t, T)
+        if self.rigid > 0:
+            last = np.array([t[0], t[1], V1]) / T1
+            guided, turning = guided + self.rigid * last, turning + self.rigid / T1 * (EYE - last[:, None] * last)
         return ends + stretched + guided - from_exit, slopes + more + turning
 
     def _guided(self, t: Balls, T: Ball) -> tuple[Balls, Balls]:
@@ -315,7 +320,7 @@ class Cable:
     def _stretch(self, t: Balls, W: Ball, across: Ball) -> tuple[Balls, Balls]:
         """∫ ε (t_h, V) dx/w over the free part, and its derivatives by t."""
         if self.linear:
-            per = (self.rest_length - self.massless) / (self.parts * self.axial_stiffness)
+            per = (self.hanging - self.massless) / (self.parts * self.axial_stiffness)
             return per * (t + np.array([0, 0, W / 2])), per * EYE
         # ε' is the slope of ε(T), and p = (ε' − ε/T)/T: the derivatives are ∫ (ε δᵢⱼ + p vᵢ vⱼ) dx/w with v = (t_h, V).
         strain, strain_V, p, pV, pVV = self._integrals(t[2], W, across)

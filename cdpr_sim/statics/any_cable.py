@@ -1,18 +1,20 @@
 """One cable of any kind: over a wheel or a point, with mass or without, linear or not; compiled.
 
 A cable runs from its exit A over a swivelling wheel of radius r with axis e (r = 0: a point) to its anchor B. The first
-part of its rest length L0, ``wrapped``, is massless; the rest, L = L0 − wrapped, weighs w per length. ``wrapped`` is
-about what lies on the wheel. It does not change with the pose, so that the pull is the slope of an energy. Behind the
-exit lies a length c of the same cable, which stretches too. Several parts of line are one cable here
-(``Cabling.behind``). The law is tau(eps) of ``core.cable_law``.
+part of its rest length L0, ``wrapped``, is massless, and the last, ``rigid``, at the anchor, massless and rigid. The
+rest, L = L0 − wrapped − rigid, weighs w per length. ``wrapped`` is about what lies on the wheel. It does not change
+with the pose, so that the pull is the slope of an energy. Behind the exit lies a length c of the same cable, which
+stretches too. Several parts of line are one cable here (``Cabling.behind``). The law is tau(eps) of
+``core.cable_law``.
 
 Let t be the tension vector where weight begins, along the cable, with T = |t| and u = t/T. Complementary energy has t
 as its unknown. With G = wrapped + c, psi(eps) = ∫tau d eps, its conjugate psi*(T) = T (1 + eps) − psi, the angle theta
 between u and e, the unit vector n across e in the wheel's plane (u = sin theta n + cos theta e), and b = e × n,
 
-    Psi(t) = G psi*(T) − c T − r T (theta − sin theta) + ∫ psi*(|t + w s up|) ds over s from 0 to L,
-    B − A = ∂Psi/∂t = r [(1 − cos theta) n + sin theta e] + f u + (span of the free part),
-    ∂²Psi/∂t² = G eps'(T) u uᵀ + f/T (1 − u uᵀ) + r/T tan(theta/2) b bᵀ + (compliance of the free part),
+    Psi(t) = G psi*(T) − c T − r T (theta − sin theta) + ∫ psi*(|t + w s up|) ds over s from 0 to L
+             + rigid |t + w L up|,
+    B − A = ∂Psi/∂t = r [(1 − cos theta) n + sin theta e] + f u + (span of the free part, and of the rigid one),
+    ∂²Psi/∂t² = G eps'(T) u uᵀ + f/T (1 − u uᵀ) + r/T tan(theta/2) b bᵀ + (compliance of both),
 
 where f = wrapped + G eps − r theta. Psi is convex where the wheel can hold the cable, 0 < theta < pi. The cable's
 stiffness is the inverse of this Hessian, and its energy is t·(B − A) − Psi + w L z_B.
@@ -36,7 +38,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, GIVES, RADIUS, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, GIVES, RADIUS, RIGID, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import pulley_path, wrap_angle
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
@@ -94,7 +96,8 @@ class AnyCable(NamedTuple):
     """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m].
 
     The lengths are what of the rope is massless at the exit, the rope behind it, the rest length from exit to anchor,
-    the rope in it, and the rope that stretches in all. Last, the exit's compliance along x, y, z [m/N].
+    the rope in it, what is rigid of it, and the rope that stretches in all. Last, the exit's compliance along x, y, z
+    [m/N].
     """
 
     ex: float
@@ -105,6 +108,7 @@ class AnyCable(NamedTuple):
     behind: float
     rest_length: float
     rope: float
+    rigid: float
     whole: float
     law: tuple[float, ...]
     weight: float
@@ -157,16 +161,16 @@ _ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),(
 def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length, rest_length,
-        rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT], row[GIVES], row[GIVES + 1],
-        row[GIVES + 2],
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
+        rest_length - row[RIGID], row[RIGID], rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
+        row[GIVES], row[GIVES + 1], row[GIVES + 2],
     )  # fmt: skip
 
 
 @inline
 def added(row):
     """What stretches besides the rest length (``Cabling.added``)."""
-    return row[BEHIND]
+    return row[BEHIND] - row[RIGID]
 
 
 @inline
@@ -268,7 +272,7 @@ def _first_move(x, y, z, cable):
 def _from_fixed_exit(x, y, z, cable, row):
     """``any_cable`` of an exit that does not give way."""
     elastic = len(row) == 0 or row[KIND] == ELASTIC
-    straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0
+    straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0 and cable.rigid == 0.0
     if elastic and straight and cable_law.linear(cable.law):
         half = 0.5 * cable.weight * cable.rest_length
         t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.law[0], cable.weight)
@@ -327,9 +331,10 @@ def _with_mass(x, y, z, cable, row, elastic):
         EAb = mu * k
     size = np.sqrt(x * x + y * y + z * z) + rest
     if length <= rest:
-        fx, fy, fz = x, y, z
+        part = cable.rope / rest
+        fx, fy, fz = x * part, y * part, z * part
     else:
-        part = 1 - (cable.wrapped + G * eps - radius * wrap) / free
+        part = 1 - (cable.wrapped + G * eps - radius * wrap + cable.rigid) / free
         fx, fy, fz = fx * part, fy * part, fz * part
     if not (L > 0 and length >= 0):
         fx = np.nan
@@ -343,6 +348,8 @@ def _with_mass(x, y, z, cable, row, elastic):
         D, H, Psi = _guided(t, cable, G, row, elastic)
         if nonlinear:
             D, H, Psi = _add_missed(t, cable, L, mu, EAb, D, H, Psi)
+        if cable.rigid != 0.0:
+            D, H, Psi = _add_rigid(t, cable, L, D, H, Psi)
         rx, ry, rz = fx + D[0] - x, fy + D[1] - y, fz + D[2] - z
         missed = abs(rx) + abs(ry) + abs(rz)
         if not missed < np.inf and step == 0:
@@ -440,6 +447,17 @@ def _add_missed(t, cable, L, mu, EAb, D, H, Psi):
         H = (H[0] + A[0], H[1] + A[1], H[2] + A[2], H[3] + A[3], H[4] + A[4], H[5] + A[5])
         Psi += m * (T * (1 + eps) - energy - mu * T - 0.5 * mu * T * T / EAb)
     return D, H, Psi
+
+
+@inline
+def _add_rigid(t, cable, L, D, H, Psi):
+    """Add what is rigid at the anchor, along the tension there."""
+    v = t[2] + cable.weight * L
+    T = np.sqrt(t[0] * t[0] + t[1] * t[1] + v * v)
+    r, u = cable.rigid, (t[0] / T, t[1] / T, v / T)
+    A = _around(r / T, -r / T, u)
+    H = (H[0] + A[0], H[1] + A[1], H[2] + A[2], H[3] + A[3], H[4] + A[4], H[5] + A[5])
+    return (D[0] + r * u[0], D[1] + r * u[1], D[2] + r * u[2]), H, Psi + r * T
 
 
 # Symmetric matrices as (xx, xy, yy, xz, yz, zz).

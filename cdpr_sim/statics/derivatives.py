@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import PROPERTIES, WEIGHT
+from cdpr_sim.core.cable import PROPERTIES, RIGID, WEIGHT
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.property import Step
 from cdpr_sim.core.robot import Robot, beside
@@ -253,7 +253,9 @@ def _pulls_by_length(
     pulls: Float[np.ndarray, "*batch 3"],
     stiffness: Float[np.ndarray, "*batch 3 3"],
 ) -> Float[np.ndarray, "*batch 3"]:
-    """∂(pull)/∂(rest length): the last piece of cable at the anchor, stretched by its tension, is more.
+    """∂(pull)/∂(rest length): the last piece of rope, stretched by its tension, is more.
+
+    By its weight, what is rigid behind it turns.
 
     Args:
         table: rows of ``Robot.cable_table``.
@@ -262,7 +264,10 @@ def _pulls_by_length(
     """
     size = np.linalg.norm(pulls, axis=-1)
     unstretched = cable_law.rest_length_for(1.0, size, cable_law.of_table(table))
-    piece = -pulls / (np.where(size > 0, size, 1.0) * unstretched)[..., None]
+    along = -pulls / np.where(size > 0, size, 1.0)[..., None]
+    piece = along / unstretched[..., None]
+    turned = table[..., RIGID] * table[..., WEIGHT] / np.where(size > 0, size, np.inf)
+    piece = piece + turned[..., None] * (np.array([0.0, 0.0, 1.0]) - along[..., 2:] * along)
     by_length = (stiffness @ piece[..., None])[..., 0]
     by_length[..., 2] -= table[..., WEIGHT]
     return by_length

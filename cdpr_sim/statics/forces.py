@@ -244,17 +244,19 @@ def weight_of_cables(
 ) -> tuple[Float[Array, "*#batch cables"], Float[Array, "*#batch 6"]]:
     """Effects of the mass of taut cables, to the first order in weight over tension.
 
-    Such a cable pulls along its chord with the tension at its middle, and half its weight is a load on the anchor.
+    Such a cable pulls along its chord with the tension at the middle of the rope, and half its weight, or less where
+    its middle is nearer to the exit, is a load on the anchor.
 
     Returns:
         By how much the tension at either end of each rope differs from that at its middle, (..., cables) [N]; the
-        wrench of half the cables' weight about the origin, (..., 6) [N, N m].
+        wrench of these loads about the origin, (..., 6) [N, N m].
     """
     if robot.cabling.massless:
         return np.zeros(robot.cables), np.zeros(6)
     cables = geometry(robot, position, rotation)
-    half = robot.cable_weights * robot.cabling.ropes(cables.free_lengths) / 2
-    down = half[..., None] * np.array([0.0, 0.0, -1.0])
+    ropes = robot.cabling.ropes(cables.free_lengths)
+    half = robot.cable_weights * ropes / 2
+    down = (half * (ropes / cables.free_lengths))[..., None] * np.array([0.0, 0.0, -1.0])
     return robot.cabling.tensions(half) * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
 
 

@@ -45,18 +45,23 @@ def profile(
     axial_stiffness: ArrayLike,
     weights: ArrayLike,
     points: int,
+    rigid: ArrayLike = 0.0,
 ) -> Float[np.ndarray, "*batch points 3"]:
     """Profile of a cable: points from exit to anchor, equally spaced on the unstretched cable, (..., points, 3) [m].
 
-    Arguments as of ``catenary``. A massless cable has the profile that it has in the limit of small weight.
+    Arguments as of ``catenary``. A massless cable has the profile that it has in the limit of small weight. With a part
+    of the length ``rigid`` [m] behind the anchor, straight along the cable's end, on which the last points lie.
     """
     A, B = np.asarray(exits, float), np.asarray(anchors, float)
     L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
-    w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
+    light = w * L0 <= 2 * MASSLESS * EA
+    w = np.where(light, TRACE * EA / L0, w)
     pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
     sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
     end = -pull[..., 2:] - w * L0  # vertical component of the tension at the exit
-    s = np.linspace(0.0, 1.0, points) * L0
+    further = np.asarray(rigid, float)[..., None]
+    along = np.linspace(0.0, 1.0, points) * (L0 + further)
+    s = np.minimum(along, L0)
     both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # sum of the tensions at the exit and at s
     both[both == 0] = np.inf
     t, H = w * s / both, np.where(sideways > 0, sideways, 1.0)
@@ -66,8 +71,14 @@ def profile(
     rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
     across = -pull[..., None, :2] / H[..., None]
     positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    span = np.linspace(0.0, 1.0, points)[:, None] * (B - A)[..., None, :]
+    straight = light & (np.linalg.norm(B - A, axis=-1)[..., None] > L0)  # the trace of weight is seen at small strains
+    positions = np.where(straight[..., None], A[..., None, :] + span, positions)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beyond = (along - s)[..., None] * (-pull / np.linalg.norm(pull, axis=-1, keepdims=True))[..., None, :]
+    beyond = np.where((along > s)[..., None], beyond, 0.0)
     positions[..., -1, :] = B
-    return positions
+    return positions + beyond
 
 
 def moved_exits(
@@ -107,16 +118,19 @@ def profiles(
     From exits where they are under their cables (``moved_exits``), with the axial stiffness of the ropes, and weights
     per rest length with all parts of line [N/m]. A massless cable
     has the shape to which its weight's last trace would bring it, without its pulley. A nonlinear one is taken as
-    linear there, as stiff as at its mean tension; one with a memory as elastic.
+    linear there, as stiff as at its mean tension; one with a memory as elastic. What is rigid at the anchor of a cable
+    with mass is straight.
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
-    if not (np.any(weights) and (cabling.bent or cabling.added.any())):
+    if not (np.any(weights) and (cabling.bent or cabling.behind.any() or cabling.least_lengths.any())):
         return profile(exits, anchors, rest, cabling.pulls(np.broadcast_to(axial_stiffness, shape)), weights, points)
     table = np.array(without_memory(robot).cable_table(np.broadcast_to(axial_stiffness, shape)))
     table[..., WEIGHT], table[..., GIVES:] = weights, 0.0
     axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
     found = any_cables(table, anchors - exits, rest)
+    rigid = np.where(weights > 0, cabling.least_lengths, 0.0)
+    rest = rest - rigid
     with np.errstate(all="ignore"):
         t = -found.pull
         t[..., 2] -= weights * (rest - wrapped)
@@ -130,6 +144,8 @@ def profiles(
         secant = mean / cable_law.strain_at(mean, law)
         over = cabling.pulleys & (weights > 0)
         starts = np.where(over[..., None], exits + beyond_exit, exits)
+        ends = anchors + (rigid / found.anchor_tension)[..., None] * found.pull
+        ends = np.where((rigid > 0)[..., None], ends, anchors)
     rest = np.where(over, rest - on_wheel * unstretched, rest) + pulled_out
     stiffness = np.where(cabling.nonlinear & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
-    return profile(starts, anchors, rest, stiffness, weights, points)
+    return profile(starts, ends, rest, stiffness, weights, points, rigid)

@@ -196,7 +196,8 @@ def draw_machines(several: list[Answers]) -> Figure:
         12.4,
         "How stiff, how tight: Maslow 4 and Hangprinter 4",
         "Maps: the plane of the sheet, and a horizontal plane 0.3 m above the bed, at 150 N and 10 N; grey where no "
-        "tensions near the pretension hold the platform level. Deviation: how far a force moves the platform. Frame "
+        "tensions near the pretension hold the platform level, or a belt has its dead length alone. Deviation: how far "
+        "a force moves the platform. Frame "
         "flex: each corner gives way by 1 mm for each 100 N, an assumption. Tightness: by how much the tension of a "
         "cable rises that is 1 mm too short, the largest of all cables. Curves: statics; points: MuJoCo; at 0 N, "
         "lengths of rigid cables.",
