@@ -90,8 +90,8 @@ def solve(
         exits: (..., cables, 3) [m].
         anchors: (..., cables, 3) [m].
         center_of_mass: (..., 3) [m].
-        properties: of robots whose cables have them, by name and in the units of ``Robot``, (..., cables) or (...,
-            cables, 2): those by which ``sensitivity`` has derivatives, as ``linear_density``.
+        properties: of robots whose cables have them, by name and in the units of ``Robot``, (..., cables), (...,
+            cables, 2) or (..., cables, 3): those by which ``sensitivity`` has derivatives, as ``linear_density``.
 
     Returns:
         Positions [m], rotation matrices and tensions [N].

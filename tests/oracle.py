@@ -36,6 +36,7 @@ class Rig:
     stiffening: np.ndarray
     winch_to_exit: np.ndarray
     rigid_length: np.ndarray
+    exit_compliance: np.ndarray
     reeving: np.ndarray
     pulley_friction: np.ndarray
     hysteresis: np.ndarray  # (cables, elements, 3): share, yield strain, w
@@ -56,7 +57,7 @@ class Rig:
 
     def only(self, some: np.ndarray) -> Rig:
         """The rig with some of its cables."""
-        cables = {f.name: getattr(self, f.name)[some] for f in dataclasses.fields(self)[:13]}
+        cables = {f.name: getattr(self, f.name)[some] for f in dataclasses.fields(self)[:14]}
         return dataclasses.replace(self, **cables)
 
     @property
@@ -298,7 +299,7 @@ class Answer:
     pulls: np.ndarray
     at_exit: np.ndarray
     slack: np.ndarray
-    leaves: np.ndarray | None
+    leaves: np.ndarray
 
 
 def balance(
@@ -315,15 +316,23 @@ def balance(
     """
     arms = np.asarray(rig.anchors) @ np.swapaxes(rotation, -1, -2)
     span = position[..., None, :] + arms - rig.exits
-    theta, s, leaving = over_wheel(rig, span)
-    lengths = rig.pulley_radius * theta + s
-    force = ropes.pulling(lengths - ropes.full)
-    pulls, at_exit, leaves = -force[..., None] * leaving, force.copy(), None
     some = np.asarray(rig.linear_density) > 0
-    if some.any():
-        part = Ropes(rig.only(some), ropes.full[some], ropes.old.only(some), ropes.seconds)
-        leaves, ends = hanging(part, span[..., some, :], None if near is None else near.leaves)
-        pulls[..., some, :], at_exit[..., some] = -ends, np.linalg.norm(leaves, axis=-1)
+
+    def hung(span: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lengths, pulls on the anchors, and tension vectors at the exits."""
+        theta, s, leaving = over_wheel(rig, span)
+        lengths = rig.pulley_radius * theta + s
+        leaves = ropes.pulling(lengths - ropes.full)[..., None] * leaving
+        pulls = -leaves
+        if some.any():
+            part = Ropes(rig.only(some), ropes.full[some], ropes.old.only(some), ropes.seconds)
+            start = None if near is None else near.leaves[..., some, :]
+            leaves[..., some, :], ends = hanging(part, span[..., some, :], start)
+            pulls[..., some, :] = -ends
+        return lengths, pulls, leaves
+
+    lengths, pulls, leaves = hung(span - exit_moves(rig, lambda span: hung(span)[2], span))
+    at_exit = np.linalg.norm(leaves, axis=-1)
     tensions = np.linalg.norm(pulls, axis=-1) / rig.reeving
     weight = -rig.mass * rig.gravity * UP
     wrench = np.concatenate(
@@ -333,6 +342,22 @@ def balance(
     own = rig.reeving * rig.linear_density * rig.gravity * ropes.rest
     slack &= rig.reeving * tensions <= np.maximum(own, 0.01 * rig.mass * rig.gravity)
     return Answer(wrench + load, tensions, lengths, pulls, at_exit, np.where(some, slack, tensions <= 0), leaves)
+
+
+def exit_moves(rig: Rig, leaves, span: np.ndarray) -> np.ndarray:
+    """How the frame gives way under the tension vectors at the exits, which it changes: Newton's method."""
+    moves, h = np.zeros(span.shape), 1e-6 * np.linalg.norm(span, axis=-1).max()
+    for _ in range(30 if rig.exit_compliance.any() else 0):
+        missed = rig.exit_compliance * leaves(span - moves) - moves
+        slopes = [(leaves(span - moves - h * e) - leaves(span - moves + h * e)) / (2 * h) for e in np.eye(3)]
+        by_move = np.eye(3) - rig.exit_compliance[..., :, None] * np.stack(slopes, axis=-1)
+        step = np.linalg.solve(by_move, missed[..., None])[..., 0]
+        moves = moves + step
+        if np.abs(step).max() < 1e-15 * np.abs(span).max():
+            break
+    else:
+        assert not rig.exit_compliance.any() or np.abs(step).max() < 1e-12 * np.abs(span).max()
+    return moves
 
 
 def turned(rotation: np.ndarray, by: np.ndarray) -> np.ndarray:
@@ -386,7 +411,7 @@ def shapes(rig: Rig, position: np.ndarray, rotation: np.ndarray, ropes: Ropes, p
     part, weight = rig.only(some), (rig.reeving * rig.linear_density * rig.gravity)[some]
     piece = (ropes.rest - rig.wrapped)[some] / (points - 1)
     S = piece[:, None, None] * (np.arange(points - 1)[:, None] + NODES)
-    along = there.leaves[:, None, None, :] + (weight[:, None, None] * S)[..., None] * UP
+    along = there.leaves[some, None, None, :] + (weight[:, None, None] * S)[..., None] * UP
     T = np.linalg.norm(along, axis=-1)
     stretch = 1 + np.moveaxis(Ropes(part, ropes.full[some]).strain(np.moveaxis(T, 0, -1)), -1, 0)
     pieces = (along * (stretch / T * PARTS * piece[:, None, None])[..., None]).sum(-2)

@@ -59,7 +59,7 @@ the proof say by their own means."""
 
 CABLE_ROOMS = {
     "statics.any_cable", "statics.cable_kernel", "statics.derivatives", "statics.memory_kernel", "statics.memory_law",
-    "physics.cable", "physics.chains", "physics.pulleys", "physics.rope_memory", "proof.cables",
+    "physics.cable", "physics.chains", "physics.exits", "physics.pulleys", "physics.rope_memory", "proof.cables",
 }  # fmt: skip
 """What a cable does, in the terms of each method."""
 

@@ -35,8 +35,9 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
     whole("points", points, 2, MOST_POINTS)
     robot = equilibria.robot
     anchors = equilibria.positions[..., None, :] + robot.anchors @ np.swapaxes(equilibria.rotations, -1, -2)
+    exits = profiles.moved_exits(equilibria, robot.exits, anchors)
     shapes = profiles.profiles(
-        robot, robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
+        robot, exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
         robot.cable_weights, points,
     )  # fmt: skip
     shapes[..., robot.cabling.pulleys & ~robot.cabling.with_mass, :, :] = np.nan

@@ -164,6 +164,7 @@ def cable_curves(
     ends = positions[..., None, :] + np.einsum(
         "...ij,...mj->...mi", equilibria.rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
     )
+    exits = profiles.moved_exits(equilibria, exits, ends)
     starts = np.broadcast_to(exits, ends.shape).copy()
     over = cabling.pulleys
     if over.any():

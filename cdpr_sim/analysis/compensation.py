@@ -252,10 +252,10 @@ def compensate(
         )  # refuses limits within which tensions can grow until cables are as short as allowed
     idle = len(robot.free) - demand.held.shape[1]
     chosen, missed = (smallest if prefer == "smallest" else stiffest)(demand, floor) if possible else None, 0
-    for _ in range(0 if not possible else 1 if robot.cabling.massless else MASS_STEPS):
+    for _ in range(0 if not possible else 1 if robot.cabling.springs else MASS_STEPS):
         if chosen is None:
             missed += 1
-            if missed > MISSES or robot.cabling.massless:
+            if missed > MISSES or robot.cabling.springs:
                 break
             chosen = nearest(demand)  # with their directions, tensions within limits may balance the load
         try:
@@ -264,7 +264,7 @@ def compensate(
             break
         shortened = Problem(robot, commanded, frozen(rest), rigid.external_wrench)
         found = forces.equilibrium_at(shortened, commanded, iterations=0, source="compensation")
-        if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
+        if robot.cabling.springs or found.residual <= BALANCED * demand.scale:
             if not _holds(found, idle) or (rest < (1 - SHORTENED) * least).any():
                 break
             return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
@@ -544,7 +544,7 @@ def _descend(
         step, tensions = decoded(np.frombuffer(point))
         jacobian = _left_jacobian(step[3:])
         position, rotation = origin + step[:3], level + forces.cross_matrix(step[3:]) @ jacobian @ level
-        if robot.cabling.massless:
+        if robot.cabling.springs:
             cables = forces.geometry(robot, position, rotation)
             return forces.State(problem, position, rotation, cables, tensions), cables.wrench_matrix, jacobian
         rest, W = cut(robot, position, rotation, tensions)

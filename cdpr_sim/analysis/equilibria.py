@@ -217,7 +217,7 @@ def find_equilibria(
             rotations = np.concatenate([rotations, between.rotation.as_matrix()])
             roots = _stiffened_roots(problem, positions, rotations)
             found += _distinct(problem, *roots, polish=False, known=found)
-            lengths = forces.geometry(problem.robot, *roots).lengths
+            lengths = forces.at(problem, *roots).lengths
             beyond_law |= bool(problem.robot.cabling.beyond_law(lengths, problem.rest_lengths).any())
         made += len(positions)
         if not _imbalance(found):
@@ -395,7 +395,7 @@ def _roots(
     with np.errstate(all="ignore"):
         positions, rotations, left = ROOTS(
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
-            free, robot.characteristic_length, int(not robot.cabling.massless), 1e-3 * BALANCED * problem.load, damping,
+            free, robot.characteristic_length, int(not robot.cabling.springs), 1e-3 * BALANCED * problem.load, damping,
             positions, rotations,
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load

@@ -29,7 +29,7 @@ from cdpr_sim.statics import derivatives, forces, newton
 OF_ALL_CABLES = {
     name: one.step
     for name, one in PROPERTIES.items()
-    if one.step is not None and one.shape == () and name != "axial_stiffness"
+    if one.step is not None and (one.shape == () or one.uniform) and name != "axial_stiffness"
 }
 """Properties of which one number for all cables can be fitted, or for all that run over a wheel."""
 
@@ -132,6 +132,10 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
     }
     for name, step in OF_ALL_CABLES.items():
         those, further = (wheels, positive) if step.path else (all_cables, {"scale": 1e-2, "least": 0.0})
+        if PROPERTIES[name].uniform:
+            spans = np.linalg.norm(robot.exits - robot.home - robot.anchors, axis=1)
+            further = further | {"scale": 1e-2 * float(step.scale(robot, np.zeros(robot.cables), spans).mean())}
+            those = [("", tuple(range(3 * robot.cables)))]
         table[name] = (name, name, PROPERTIES[name].unit, those, further)
     found: list[Unknown] = []
     for name in names:
@@ -324,6 +328,7 @@ class IdentificationModel:
         if data.tensions is not None:
             parts.append(self._of["force_gains"] * solved.tensions + self._of["force_offsets"])
         if data.swivels is not None:
+            self.now.cabling.refuse_compliance("swivels")
             angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
             parts.append(angles + self._of["swivel_zeros"])
         if data.frequencies is not None:

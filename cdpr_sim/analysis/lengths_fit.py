@@ -107,7 +107,7 @@ class LengthsModel:
         load = forces.load_wrench(problems, rotations)[..., self.free]
         matrix = forces.geometry(robot, positions, rotations).wrench_matrix
         rest = self.lengths
-        for _ in range(1 if robot.cabling.massless else 3):  # a cable with mass turns with its tension
+        for _ in range(1 if robot.cabling.springs else 3):  # a cable with mass turns with its tension
             tensions = self._balanced(matrix[..., self.free, :], load, np.nan_to_num(self.tensions) + more)
             rest, matrix = given_tensions.cut(robot, positions, rotations, tensions, refuse=False)
         return (rest - offsets) / gains

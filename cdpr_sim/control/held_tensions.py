@@ -81,7 +81,7 @@ class HeldTensions:
             stiffness_by_tension=np.zeros((robot.cables, count, count)),
         )
         tensions = _chosen(demand)
-        for _ in range(0 if robot.cabling.massless else DIRECTIONS):
+        for _ in range(0 if robot.cabling.springs else DIRECTIONS):
             demand = replace(demand, wrench_matrix=(cut(robot, *where, tensions)[1] / units[:, None])[free])
             tensions = _chosen(demand)
         return Command(problem.rest_lengths, tensions, np.ones(robot.cables, dtype=bool))

@@ -35,12 +35,14 @@ from cdpr_sim.core.property import (
     within,
 )
 
-EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, RIGID, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 9, 10, 13, 14, 15, 16, 17
-LAW, COLUMNS = RADIUS - STIFFNESS, 18
+EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, RIGID, PARTS, WEIGHT, WRAPPED, GIVES = (
+    0, 3, 6, 9, 10, 13, 14, 15, 16, 17, 18
+)  # fmt: skip
+LAW, COLUMNS = RADIUS - STIFFNESS, 21
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
 line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the rigid length, the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; how many numbers a
-law has, and how many columns there are."""
+the rigid length, the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``, the exit's
+compliance along x, y and z; how many numbers a law has, and how many columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -59,6 +61,9 @@ LEAST_RADIUS = 1e-6
 
 MOST_STIFFENING = 1e9
 """Largest magnitude of either coefficient of nonlinear elasticity; measured ones are some hundreds."""
+
+MOST_COMPLIANCE = 1e6
+"""[m/N] Largest compliance of an exit; of frames it is below 1e-3, and an exit with 1 hangs freely for all purposes."""
 
 ROUNDING = 4e-16
 """Largest deviation from 1 of the length of a unit vector in double precision."""
@@ -91,6 +96,11 @@ def _step_of_law(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarr
     """Terms as large as the linear one; but of a slack cable none with which tension falls within the law's range."""
     strain = np.where(strain > 0, strain, MOST_STRAIN / 4)
     return np.stack([1 / strain, 1 / strain**2], axis=1)
+
+
+def _step_of_compliance(robot: Any, strain: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """That of the cable itself."""
+    return np.repeat((length / robot.axial_stiffness)[:, None], 3, axis=1)
 
 
 def _point_or_wheel(one: Property, radii: np.ndarray) -> np.ndarray:
@@ -206,6 +216,15 @@ class Cables:
         example=("6", "m of rope between winch and exit, which also stretches"),
         said=("{} m from winch to exit", lambda cabling: cabling.winch_to_exit),
     )
+    exit_compliance: Float[np.ndarray, "cables 3"] = declared(
+        "Compliance of the frame at the exit (frame flex): by how much the exit, with its wheel, moves for each newton "
+        "with which the cable pulls it towards the anchor; one number for all directions, or three along x, y, z of "
+        "the base frame.",
+        "m/N", 0.0, shape=(3,), checks=(within(0, MOST_COMPLIANCE),), known_to=("statics", "simulation"),
+        label="exit compliance {part} of cable {cable}", step=Step(_step_of_compliance, least=True),
+        example=("[2e-7, 2e-7, 1e-7]", "m/N along x, y, z, or one number: the exit moves under the cable's force"),
+        said=("exits that give way by {}, {}, {} mm/kN along x, y, z", lambda cabling: 1e6 * cabling.exit_compliance),
+    )
     rigid_length: Float[np.ndarray, " cables"] = declared(
         "Part of the rest length, at the anchor, that neither stretches nor weighs: a clamp, a hook.",
         "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
@@ -288,6 +307,37 @@ class Cabling(Cables, Frozen):
     def massless(self) -> bool:
         """Whether no cable has mass."""
         return not self.with_mass.any()
+
+    @property
+    def springs(self) -> bool:
+        """Whether every cable is a spring along its path: its tension, in the path's direction, is by its length.
+
+        Cables with mass are none, nor are those whose exits give way.
+        """
+        return self.massless and self.rigid_exits
+
+    @cached_property
+    def moving_exits(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have an exit that gives way, (cables,)."""
+        return self.has("exit_compliance")
+
+    @cached_property
+    def rigid_exits(self) -> bool:
+        """Whether no exit gives way."""
+        return not self.moving_exits.any()
+
+    def refuse_compliance(self, what: str) -> None:
+        """Refuse exits that give way, where that is not taken into account.
+
+        Raises:
+            InvalidInput: some cable has one.
+        """
+        if not self.rigid_exits:
+            cable = int(np.argmax(self.moving_exits))
+            raise InvalidInput(
+                f"{what}: found exit_compliance in cable {cable + 1}, expected exits that do not move: the frame's "
+                "compliance is not taken into account here; it is in solve, settle, solve_path, settle_path and sweep"
+            )
 
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
@@ -467,6 +517,7 @@ class Cabling(Cables, Frozen):
                     self.rigid_length,
                     self.reeving,
                     np.zeros((len(self), 2)),
+                    self.exit_compliance,
                 ]
             )
         )

@@ -146,6 +146,40 @@ def wrapped_lengths(
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
 
 
+MOVES = 30
+"""Newton steps for the moves of exits; three or four do."""
+
+
+def exit_moves(
+    cabling: Cabling, chords: Float[np.ndarray, "*batch cables 3"], pulls: Float[np.ndarray, "*#batch cables"]
+) -> Float[np.ndarray, "*batch cables 3"]:
+    """How exits move under massless cables that pull with these forces [m]: d = C t, t in the direction after the move.
+
+    Args:
+        cabling: of these cables.
+        chords: from anchors to exits that have not moved, (..., cables, 3) [m].
+        pulls: of all parts of line, (..., cables) [N].
+
+    Returns:
+        (..., cables, 3) [m]; nan where a cable has no path.
+    """
+    moves = np.zeros(chords.shape)
+    if cabling.rigid_exits:
+        return moves
+    softness = cabling.exit_compliance * pulls[..., None]
+    for _ in range(MOVES):
+        _, x, y, z, free, bx, by, bz, bend, _ = paths(cabling, chords + moves)
+        with np.errstate(invalid="ignore"):
+            u, b = np.stack([x, y, z], axis=-1) / free[..., None], np.stack([bx, by, bz], axis=-1)
+            turning = (np.eye(3) - u[..., :, None] * u[..., None, :]) / free[..., None, None]
+            turning = turning + bend[..., None, None] * b[..., :, None] * b[..., None, :]
+        step = np.linalg.solve(np.eye(3) + softness[..., None] * turning, (softness * u + moves)[..., None])[..., 0]
+        moves = moves - step
+        if not (np.abs(step) > 1e-15 * np.abs(chords).max()).any():
+            break
+    return moves
+
+
 def wheel(
     cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"], float, float]:

@@ -84,8 +84,8 @@ def balance(
 
     matrix = on_free(matrix)
     pulls = np.broadcast_to(wanted, (*shape, robot.cables)).copy()
-    for _ in range(0 if robot.cabling.massless else DIRECTIONS):
-        # Cables with mass pull in directions that depend on their tensions.
+    for _ in range(0 if robot.cabling.springs else DIRECTIONS):
+        # Cables that are no springs pull in directions that depend on their tensions.
         before = pulls
         if wanted.ndim == 0:
             pulls = nearest()

@@ -56,7 +56,8 @@ class Property:
     Attributes:
         meaning: in the documentation of robot files.
         unit: of its numbers in SI; "" of pure numbers.
-        default: for every cable; ``REQUIRED`` without one. One that is infinite by default is an upper limit.
+        default: for every cable; ``REQUIRED`` without one. One that is infinite by default is an upper limit. Where it
+            is one number and ``shape`` has more, one number stands for all of them.
         shape: of the numbers of one cable: () is one number.
         none: where a cable has any number of rows of numbers, a row without an effect; its last numbers are optional.
         checks: of its values, in order.
@@ -106,10 +107,15 @@ class Property:
         elif self.limit:
             values = _limit_per_cable(self.name, value, cables)
         else:
-            values = _per_cable(self.name, value, self.shape, cables)
+            values = _per_cable(self.name, value, self.shape, cables, uniform=self.uniform)
         for check in self.checks:
             values = check(self, values)
         return values
+
+    @property
+    def uniform(self) -> bool:
+        """Whether one number stands for all numbers of a cable."""
+        return self.shape != () and isinstance(self.default, float)
 
     @property
     def limit(self) -> bool:
@@ -184,9 +190,13 @@ def within(least: float, most: float) -> Check:
     return check
 
 
-def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
-    """A row for each cable, from one row for all or one row each."""
+def _per_cable(
+    field: str, value: ArrayLike, core: tuple[int, ...], cables: int, *, uniform: bool = False
+) -> Float[np.ndarray, "..."]:
+    """A row for each cable, from one row for all or one row each; ``uniform``: or from one number in place of a row."""
     array = checked_array(field, value, None)
+    if uniform and array.shape in ((), (cables, 1)):
+        array = np.broadcast_to(array, (cables, *core))
     if array.shape != core:
         array = checked_array(field, array, (cables, *core))
     return np.broadcast_to(array, (cables, *core)).copy()

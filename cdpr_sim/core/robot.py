@@ -94,6 +94,9 @@ class Robot(Cables, HtmlRepr):
             overloaded cables. All three are limits of the rope's tension, as ``tensions``.
         winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
             depend on the pose, and it stretches with the rope.
+        exit_compliance: by how much the exit, with its wheel, moves under each newton with which the cable pulls it
+            towards the anchor [m/N]: one number, three along x, y and z of the base frame, one number for each cable,
+            (cables, 1), or three, (cables, 3). Rest lengths of rigid cables are those from exits that do not move.
         rigid_length: part of the rest length, at the anchor and along the cable, that neither stretches nor weighs, as
             of a clamp, an arm or a hook [m], one number or one per cable.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
@@ -168,6 +171,7 @@ class Robot(Cables, HtmlRepr):
         force_max: ArrayLike = np.inf,
         breaking_load: ArrayLike | None = None,
         winch_to_exit: ArrayLike = 0.0,
+        exit_compliance: ArrayLike = 0.0,
         rigid_length: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
         pulley_friction: ArrayLike = 0.0,

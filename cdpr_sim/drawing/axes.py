@@ -29,7 +29,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of, with_moved_exits
 from cdpr_sim.drawing.lettering import in_legible_letters
 
 P = ParamSpec("P")
@@ -211,7 +211,9 @@ def draw_pose(
     Raises:
         InvalidInput: cables with mass without ``shapes`` from ``cable_profiles``.
     """
-    robot, position, rotation = equilibria.robot, equilibria.positions[row], equilibria.rotations[row]
+    position, rotation = equilibria.positions[row], equilibria.rotations[row]
+    anchors = position + equilibria.robot.anchors @ rotation.T
+    robot = with_moved_exits(equilibria.robot, anchors, equilibria.tensions[row])
     draw_commanded(ax, robot, equilibria.problems.positions[row])
     draw_platform(ax, robot, position, rotation)
     draw_cables(ax, robot, position, rotation, equilibria.slack[row], equilibria.rest_lengths[row], shapes)

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot, beside
 
 POINTS = 25
 """Number of points along a slack cable."""
@@ -51,6 +52,19 @@ class Wheel:
         """Of a point of the rim, the way the cable goes."""
         away = point - self.center
         return float(np.mod(np.arctan2(away @ self.axis, -away @ self.outwards), 2 * np.pi))
+
+
+def with_moved_exits(
+    robot: Robot, anchors: Float[np.ndarray, "cables 3"], tensions: Float[np.ndarray, " cables"], times: float = 1.0
+) -> Robot:
+    """The robot with its exits where they are under these tensions [N] to ``anchors``; they move ``times`` as far.
+
+    Cables with mass are taken as massless there.
+    """
+    if robot.cabling.rigid_exits:
+        return robot
+    moves = cable_path.exit_moves(robot.cabling, robot.exits - anchors, robot.cabling.pulls(tensions))
+    return beside(robot, "exits", robot.exits + times * np.nan_to_num(moves))
 
 
 def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wheel | None:

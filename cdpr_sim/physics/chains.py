@@ -169,9 +169,10 @@ def divisions(
 def ends_of(cabling: Cabling) -> Int[np.ndarray, " chains"]:
     """``fixed_ends`` of the cables with mass.
 
-    A wheel or the rope behind feels the tension at the exit, and a memory; what is rigid at the anchor, that there.
+    A wheel, the rope behind, a frame that gives way and a memory feel the tension at the exit; what is rigid at the
+    anchor, that there.
     """
-    at_exit = cabling.pulleys | (cabling.behind > 0) | cabling.has_memory
+    at_exit = cabling.pulleys | (cabling.behind > 0) | cabling.moving_exits | cabling.has_memory
     return fixed_ends(at_exit, Law.of(cabling).rigid > 0)[cabling.with_mass]
 
 

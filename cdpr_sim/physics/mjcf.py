@@ -18,7 +18,7 @@ from cdpr_sim.core.checks import FLAG, checked_label, positive, refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics import chains, pulleys, tendons
+from cdpr_sim.physics import chains, exits, pulleys, tendons
 from cdpr_sim.physics.cable import Law
 from cdpr_sim.physics.damping import (
     STEPS,
@@ -77,8 +77,9 @@ def to_mjcf(
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
     from 1 as in the paper; keyframe ``commanded``. A spatial platform has the free joint ``platform``, a planar one
     the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's. They come first in
-    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A cable with mass is
-    a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
+    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. An exit that gives
+    way is on a body ``frame_1`` with the joints ``frame_1_x``, ``frame_1_y``, ``frame_1_z``. A cable with mass is a
+    chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
     With the default ``damping`` the air is so viscous that the platform's slowest oscillation does not overshoot. No
     real platform has that damping; it brings the model to rest quickly, and does not change the equilibrium. A free
@@ -128,6 +129,8 @@ def to_mjcf(
     robot, settling = problem.robot, factor is None
     robot.cabling.refuse_unknown("simulation")
     robot.cabling.refuse_memory()
+    if kind or not settling:
+        robot.cabling.refuse_compliance("winches" if kind else "damping")
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
@@ -141,8 +144,8 @@ def to_mjcf(
     option = add(root, "option", timestep=step, integrator=integrator, gravity=gravity, viscosity=air)
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
-    for i, position in enumerate(robot.exits, start=1):
-        add(world, "site", {"name": f"exit_{i}", "class": "exit"}, pos=position)
+    for i in np.flatnonzero(~robot.cabling.moving_exits):
+        add(world, "site", {"name": f"exit_{i + 1}", "class": "exit"}, pos=robot.exits[i])
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _add_platform(world, robot, problem.pose, brake if kind else None, contact)
@@ -156,6 +159,8 @@ def to_mjcf(
     uneven, count = chains.uneven(problem), chains.SEGMENTS - 1 if whole else None
     tendon = tendons.add_tendons(root, problem, resisting, wound=driven, nodes=count, uneven=uneven)
     nodes = chains.add_chains(world, platform, tendon, problem, resisting, calmed)
+    for i in np.flatnonzero(robot.cabling.moving_exits):
+        exits.holder(world, robot, int(i))
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = Law.of(robot.cabling).springs(problem.rest_lengths).stiffness
     if kind:
@@ -173,6 +178,7 @@ def to_mjcf(
         add_actuators(root, world, problem, springs, uneven=uneven, kind=kind, damping=times, **limits)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose.apply(robot.anchors))[1] if robot.mobility == "spatial" else []
+    swivels = exits.beside_slides(robot, swivels)
     at = coordinates(robot, problem.pose)
     if kind and robot.mobility == "spatial":
         at = since_written(at, at[3:])
@@ -272,8 +278,20 @@ def since_written(
     return np.concatenate([start[:3], turned.as_quat(scalar_first=True)])
 
 
-def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
-    """Put the platform of one simulation at ``pose``, with its wheels, and its chains in an approximate profile."""
+def place(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    robot: Robot,
+    pose: RigidTransform,
+    moves: Float[np.ndarray, "cables 3"] | None = None,
+) -> None:
+    """Put the platform of one simulation at ``pose``, with its wheels, and its chains in an approximate profile.
+
+    ``moves`` are those of exits that give way [m]; by default none.
+    """
+    if moves is not None:
+        slides = exits.Slides.of(model, robot.cables)
+        data.qpos[slides.coordinates[slides.some]] = moves[slides.some]
     start = coordinates(robot, pose)
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
         start = since_written(start, model.body("platform").quat)

@@ -32,6 +32,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.physics.exits import holder
 from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia, magnitude
 
 ENTRY = 10.0
@@ -80,9 +81,12 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
     load, directions, angles = _load(robot), *facing(robot, pose.apply(robot.anchors))
     for cable, outwards, angle in zip(np.flatnonzero(cabling.pulleys), directions, angles, strict=True):
         i, radius = cable + 1, cabling.pulley_radius[cable]
-        exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
-        add(world, "site", {"name": f"entry_{i}", "class": "guide"}, pos=exit_ - ENTRY * radius * axis)
-        body = add(world, "body", name=f"pulley_{i}", pos=exit_, xyaxes=[*outwards, *np.cross(axis, outwards)])
+        held, origin = holder(world, robot, int(cable))
+        exit_, axis = cabling.exits[cable] - origin, cabling.pulley_axis[cable]
+        add(held, "site", {"name": f"entry_{i}", "class": "guide"}, pos=exit_ - ENTRY * radius * axis)
+        floats = None if held is world else 1
+        turned = [*outwards, *np.cross(axis, outwards)]
+        body = add(held, "body", name=f"pulley_{i}", pos=exit_, xyaxes=turned, gravcomp=floats)
         if robot.mobility == "spatial":
             armature = load * radius / SWIVELLING**2
             damping = 2 * SWIVEL_DAMPING * SWIVELLING * armature

@@ -170,6 +170,11 @@ class _Parts:
                 f"model: found no tendon '{prefix}cable_{np.argmax(self.cables < 0) + 1}', expected massless cables, "
                 "or those with mass in a model with winches or with a damping other than 'settle'"
             )
+        if (ids(kinds.mjOBJ_BODY, "frame_{}") >= 0).any():
+            raise InvalidInput(
+                "model: found exits that give way, expected exits that do not move: reset does not bring them to where "
+                "their forces balance"
+            )
         first = int(model.body_jntadr[self.platform])
         self.joints = list(range(first, first + int(model.body_jntnum[self.platform])))
         self.base = _id(model, kinds.mjOBJ_SITE, f"{prefix}base")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -40,6 +40,7 @@ from cdpr_sim.physics.chains import (
     profiles,
     straight,
 )
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -128,7 +129,7 @@ class Simulations:
         self.model, self.chains, self.swivels, self.descendants = (
             _generated(robot, self.sinks) if model is None else _prepared(model, robot, self.sinks)
         )
-        chains = self.chains
+        self.frames, chains = Slides.of(self.model, robot.cables), self.chains
         self.heavy = bool(len(chains.cables))
         # Behind all rows there are simulations at other places: for each row, as many as ``Derivatives`` needs, six
         # displacements of a spatial platform and three of the masses, or three of a planar platform and six of them;
@@ -283,7 +284,15 @@ class Simulations:
             self.ropes, self._within = self.ropes.in_chain(beyond), self.rest_lengths - beyond
 
     def follow(self, at: Rows) -> None:
-        """Turn the wheels, and hold cables with a memory where they are after a straight way to the present lengths."""
+        """Turn the wheels, and hold cables with a memory where they are after a straight way to the present lengths.
+
+        Exits that give way are then where their forces balance.
+        """
+        self._move_exits(at, self.rest_lengths[at].mean(1), lambda: self._follow(at))
+        self._follow(at)
+
+    def _follow(self, at: Rows) -> None:
+        """``follow``, with exits that give way where they are."""
         self.turn_wheels(at)
         if self.ropes is not None:
             self.batch.forward(at, stage=POSITIONS)
@@ -427,7 +436,12 @@ class Simulations:
         batch, each = self.batch, (len(at), qpos.shape[1])
         places = self._elsewhere(at, each[1], qpos, tuple(spring[:, None] for spring in springs))
         rows = np.arange(places.start, places.stop)
-        self._turn_wheels(batch.qpos, batch.expand("body_quat"), rows)
+
+        def turn() -> None:
+            self._turn_wheels(batch.qpos, batch.expand("body_quat"), rows)
+
+        self._move_exits(rows, np.repeat(self.rest_lengths[at].mean(1), each[1]), turn)
+        turn()
         batch.forward(rows, stage=self._stage)
         if self._stage == FORCES:
             net = batch.qfrc_smooth[places]
@@ -459,7 +473,29 @@ class Simulations:
         self.follow(at)
         self.batch.forward(at, stage=self._stage)
         self.take_over(at)
-        return self.unbalanced(at)
+        left = np.abs(self._pulls[at][:, self.frames.dofs[self.frames.some]]).max(1, initial=0.0)
+        return np.maximum(self.unbalanced(at), left * self.unit)
+
+    def _move_exits(self, rows: Rows, length: Float[np.ndarray, " some"], follow: Callable[[], None]) -> None:
+        """Move exits that give way to where their forces balance, also of simulations behind the rows.
+
+        ``follow`` lets wheels and springs follow; ``length`` is that of the cables [m].
+        """
+        if not self.frames:
+            return
+
+        def springs() -> Float[np.ndarray, "all dofs"]:
+            follow()
+            self.batch.forward(rows, stage=VELOCITIES)
+            return self._pulls
+
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that becomes unstable
+            self.frames.settle(self.batch.qpos, rows, length, springs)
+        self.batch.qvel[rows[:, None], self.frames.dofs[self.frames.some]] = 0
+
+    def _exits(self, qpos: Float[np.ndarray, "some coordinates"]) -> Float[np.ndarray, "some cables 3"]:
+        """Where exits are with these coordinates, base frame [m]."""
+        return self.robot.exits + np.where(self.frames.some, qpos[:, self.frames.coordinates], 0.0)
 
     def take_over(self, at: Rows) -> None:
         """Keep MuJoCo's unbalanced generalised forces [N, N m] without damping: readings in between have others."""
@@ -501,7 +537,7 @@ class Simulations:
             chain = self._facing[swivels.cables]
             seen[:, chain >= 0] += qpos[:, chains.coordinates[chain[chain >= 0]]].sum(2)
         positions, rotations = self._platforms(qpos)
-        away = positions[:, None] + seen @ rotations.swapaxes(1, 2) - model.body_pos[swivels.bodies]
+        away = positions[:, None] + seen @ rotations.swapaxes(1, 2) - self._exits(qpos)[:, swivels.cables]
         wheels = at[:, None], swivels.bodies
         turning = len(swivels.coordinates) > 0
         frames = self._frames if turning else matrices(all_quaternions[wheels])
@@ -550,6 +586,7 @@ class Simulations:
             self.batch.forward(at, stage=POSITIONS)
         jacobian, springs = np.zeros((len(at), self.model.ntendon, self.model.nv)), self._alone(at, sets)
         jacobian[:, self._entries, self.model.ten_J_colind] = self._jacobian[at]
+        jacobian[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
         ways = np.ascontiguousarray(jacobian[:, [tendons[0] for tendons in sets]])
         pulls = -(ways * springs).sum(2) / np.maximum((ways * ways).sum(2), np.finfo(float).tiny)
         return pulls * self.unit + 0.0  # no negative zero
@@ -639,7 +676,7 @@ class Simulations:
         """Vectors from anchors to exits [m]."""
         positions, rotations = self._platforms(self.qpos[at])
         ends = positions[:, None] + self.model.body_pos[self.chains.ends] @ rotations.swapaxes(1, 2)
-        return self.robot.exits[self.chains.cables] - ends
+        return self._exits(self.qpos[at])[:, self.chains.cables] - ends
 
     def divide_at_bends(self, at: Rows) -> Int[np.ndarray, " bent"]:
         """Move the masses of chains with bends to where they bend; returns the rows that have any.
@@ -802,12 +839,14 @@ def _prepared(model: mujoco.MjModel, robot: Robot, sinks: bool) -> Indices:
     if sinks:
         unit, model.opt.integrator = unit_of(robot), mujoco.mjtIntegrator.mjINT_DISCRETE
         masses, springs = (model.body_mass, model.body_inertia), (model.tendon_stiffness, model.tendon_stiffnesspoly)
-        for quantity in (*masses, *springs, model.tendon_damping):
+        for quantity in (*masses, *springs, model.tendon_damping, model.jnt_stiffness):
             quantity /= unit
     else:
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         angular = slice(3, 6) if len(robot.free) == 6 else slice(2, 3)
         model.dof_armature[angular] = TURNING * _inertia(robot)[angular]
+        frames = Slides.of(model, robot.cables)
+        model.dof_armature[frames.dofs[frames.some]] = IMMOVABLE  # by time steps; they move between them
     model.dof_armature[swivels.dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     if sinks:
         mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses

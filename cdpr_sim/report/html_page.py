@@ -30,7 +30,7 @@ from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import maps
-from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of, with_moved_exits
 from cdpr_sim.report import crosscheck_tables, html, workspace_tables
 from cdpr_sim.report.analysis_tables import modes_table
 from cdpr_sim.report.robot_summary import RobotSummary, View, summarise, write_both_methods
@@ -346,7 +346,8 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     pose = view.problem.pose if settled is None else settled.pose
     anchors = pose.apply(robot.anchors)
     # Without an equilibrium there is no cable profile: cables are drawn straight.
-    cabling = robot.cabling if settled is not None else without_mass(robot).cabling
+    moved = without_mass(robot) if settled is None else with_moved_exits(robot, anchors, settled.tensions)
+    cabling = moved.cabling
     cables = []
     for cable, anchor in enumerate(anchors):
         slack = settled is not None and bool(settled.slack[cable])

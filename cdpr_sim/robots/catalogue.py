@@ -72,6 +72,7 @@ def _with(properties: Iterable[Property], base: type[_Table] = _Table, *, of_cab
     keys: dict[str, Any] = {}
     for one in properties:
         kind = Density if one.name == "linear_density" else Rows if one.none is not None else _TYPES[one.shape]
+        kind = Number | kind if one.uniform else kind
         unit = LENGTH if one.unit == "m" else one.unit
         default = None if one.limit else list(one.default) if one.none is not None else one.default
         key = _of_all(unit) if of_cable else _key(one.meaning, unit, default)
@@ -189,6 +190,8 @@ class RobotTable(_with(OF_ALL, _WholeRobot)):
         for name, each in values.items():
             if PROPERTIES[name].limit:
                 values[name] = [_own(value, np.inf) for value in each]
+            elif PROPERTIES[name].uniform:
+                values[name] = [np.broadcast_to(value, PROPERTIES[name].shape) for value in each]
             elif PROPERTIES[name].unit == "m":
                 values[name] = (np.array(each) / METRES[self.units]).tolist()
         return Robot(

@@ -23,6 +23,10 @@ The free part of a linear cable is the catenary of ``catenary``, which takes its
 replaced there by the line that touches it at a tension near. Gauss's rule sums what the line misses; it converges
 fast, since a cable that sags much pulls little. So the unknown of the iteration is the span of the free part; Newton's
 method takes three or four steps.
+
+An exit that gives way moves by d = C t (``Robot.exit_compliance``): a term ½ tᵀC t more of Psi. Of all cables, d is the
+least of ½ dᵀC⁻¹d plus the cable's energy with its exit there. Newton's method has it as its unknown, and begins at that
+of a massless cable; all else is that of a cable from the moved exit. The stiffness is (K⁻¹ + C)⁻¹ with K its own.
 """
 
 from __future__ import annotations
@@ -34,7 +38,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, RIGID, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, GIVES, RADIUS, RIGID, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import pulley_path, wrap_angle
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
@@ -55,6 +59,12 @@ SOLVED = 1e-15
 NEARLY_SOLVED = 1e-11
 """Where steps of this fraction do not get shorter any more, rounding keeps them so."""
 
+FIRST_STEPS = 8
+"""Newton steps for the first move of an exit."""
+
+LEAST_FALL = 0.9
+"""A step of an exit is shortened if its slope is more than this fraction of the slope before it, up or down."""
+
 HALF_ROUND = -1 + 1e-8
 """Cosine of the angle on its wheel from which a cable with mass counts as off it: half round, it has no path."""
 
@@ -71,6 +81,7 @@ class Catenary(NamedTuple):
         energy: energy of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
         exit_tension: tension at the exit, (...) [N].
         anchor_tension: tension at the anchor, the platform's end, (...) [N].
+        moved: by how much the exit has moved, base frame, (..., 3) [m].
     """
 
     pull: Float[np.ndarray, "*batch 3"]
@@ -78,13 +89,15 @@ class Catenary(NamedTuple):
     energy: Float[np.ndarray, "*batch"]
     exit_tension: Float[np.ndarray, "*batch"]
     anchor_tension: Float[np.ndarray, "*batch"]
+    moved: Float[np.ndarray, "*batch 3"]
 
 
 class AnyCable(NamedTuple):
     """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m].
 
     The lengths are what of the rope is massless at the exit, the rope behind it, the rest length from exit to anchor,
-    the rope in it, what is rigid of it, and the rope that stretches in all.
+    the rope in it, what is rigid of it, and the rope that stretches in all. Last, the exit's compliance along x, y, z
+    [m/N].
     """
 
     ex: float
@@ -99,6 +112,9 @@ class AnyCable(NamedTuple):
     whole: float
     law: tuple[float, ...]
     weight: float
+    cx: float
+    cy: float
+    cz: float
 
 
 def any_cables(table: ArrayLike, chords: ArrayLike, rest_lengths: ArrayLike) -> Catenary:
@@ -117,22 +133,28 @@ def any_cables(table: ArrayLike, chords: ArrayLike, rest_lengths: ArrayLike) -> 
         return Catenary(*_ANY(table, chords, rest_lengths))
 
 
-def _all(table, chord, rest_length, scratch, pull, stiffness, energy, exit_tension, anchor_tension):
+def _all(table, chord, rest_length, scratch, pull, stiffness, energy, exit_tension, anchor_tension, moved):
     """Those of (rows, columns) of cables."""
     for i in range(chord.shape[0]):
         for j in range(chord.shape[1]):
             x, y, z = chord[i, j, 0], chord[i, j, 1], chord[i, j, 2]
+            cable = cable_of(table[i, j], rest_length[i, j])
             (
                 pull[i, j, 0], pull[i, j, 1], pull[i, j, 2], xx, xy, yy, xz, yz, zz, energy[i, j], exit_tension[i, j],
                 anchor_tension[i, j], _, _,
-            ) = any_cable(x, y, z, cable_of(table[i, j], rest_length[i, j]), table[i, j, COLUMNS:])  # fmt: skip
+            ) = any_cable(x, y, z, cable, table[i, j, COLUMNS:])  # fmt: skip
+            moved[i, j, 0], moved[i, j, 1], moved[i, j, 2] = (
+                -cable.cx * pull[i, j, 0],
+                -cable.cy * pull[i, j, 1],
+                (-cable.cz * (pull[i, j, 2] + _hung(cable))),
+            )
             stiffness[i, j, 0, 0], stiffness[i, j, 1, 1], stiffness[i, j, 2, 2] = xx, yy, zz
             stiffness[i, j, 0, 1] = stiffness[i, j, 1, 0] = xy
             stiffness[i, j, 0, 2] = stiffness[i, j, 2, 0] = xz
             stiffness[i, j, 1, 2] = stiffness[i, j, 2, 1] = yz
 
 
-_ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),()")
+_ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),(),(c)")
 
 
 @inline
@@ -141,6 +163,7 @@ def cable_of(row, rest_length):
     return AnyCable(
         row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
         rest_length - row[RIGID], row[RIGID], rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
+        row[GIVES], row[GIVES + 1], row[GIVES + 2],
     )  # fmt: skip
 
 
@@ -150,14 +173,104 @@ def added(row):
     return row[BEHIND] - row[RIGID]
 
 
+@inline
+def _hung(cable):
+    """The weight that a cable's tension at its exit carries besides the pull on its anchor."""
+    return cable.weight * (cable.rope - cable.wrapped)
+
+
 @outlined
 def any_cable(x, y, z, cable, row):
     """A cable whose anchor lies at (x, y, z) from its exit; ``row`` is that of its memory, or empty.
 
     (pull on the anchor x, y, z; stiffness −∂pull/∂anchor xx, xy, yy, xz, yz, zz; energy, with the exit at height 0;
     tension at the exit, at the anchor; length of the massless path; how far it is from leaving its wheel, 0 without
-    one). All is nan where the cable has no path.
+    one). All is nan where the cable has no path. An exit that gives way is where it is without the cable; the length is
+    that from where it moves.
     """
+    cx, cy, cz = cable.cx, cable.cy, cable.cz
+    if cx + cy + cz == 0.0:
+        return _from_fixed_exit(x, y, z, cable, row)
+    hung, size = _hung(cable), np.sqrt(x * x + y * y + z * z) + cable.rest_length
+    dx, dy, dz = _first_move(x, y, z, cable)
+    ox, oy, oz, sx, sy, sz, fraction, downhill, last = dx, dy, dz, 0.0, 0.0, 0.0, 1.0, 0.0, np.inf
+    M = np.empty((3, 6))
+    found = _from_fixed_exit(x - dx, y - dy, z - dz, cable, row)
+    solved = False
+    for _ in range(MAX_STEPS):
+        # What the forces on the exit leave: minus the slope of the energy, times C.
+        rx, ry, rz = -cx * found[0] - dx, -cy * found[1] - dy, -cz * (found[2] + hung) - dz
+        slope = _over(sx * rx, cx) + _over(sy * ry, cy) + _over(sz * rz, cz)
+        can_shorten = downhill > 0.0 and fraction > LEAST_FRACTION and last > NEARLY_SOLVED * size
+        if can_shorten and not abs(slope) <= LEAST_FALL * downhill:  # also where there is no path
+            fraction *= SHORTENED
+            dx, dy, dz = ox + fraction * sx, oy + fraction * sy, oz + fraction * sz
+            found = _from_fixed_exit(x - dx, y - dy, z - dz, cable, row)
+            continue
+        K = (found[3], found[4], found[5], found[6], found[7], found[8])
+        _one_plus_product((cx, 0.0, cy, 0.0, 0.0, cz), K, M)
+        M[0, 3], M[1, 3], M[2, 3] = rx, ry, rz
+        _eliminate(M, 4)
+        moves = abs(M[0, 3]) + abs(M[1, 3]) + abs(M[2, 3])
+        if moves <= SOLVED * size or (moves >= 0.5 * last and moves < NEARLY_SOLVED * size):
+            solved = True
+            break
+        if not moves < np.inf:
+            break
+        ox, oy, oz, sx, sy, sz, fraction, last = dx, dy, dz, M[0, 3], M[1, 3], M[2, 3], 1.0, moves
+        downhill = _over(sx * rx, cx) + _over(sy * ry, cy) + _over(sz * rz, cz)
+        dx, dy, dz = ox + sx, oy + sy, oz + sz
+        found = _from_fixed_exit(x - dx, y - dy, z - dz, cable, row)
+    K = (found[3], found[4], found[5], found[6], found[7], found[8])
+    _one_plus_product(K, (cx, 0.0, cy, 0.0, 0.0, cz), M)
+    M[0, 3], M[1, 3], M[2, 3] = K[0], K[1], K[3]
+    M[0, 4], M[1, 4], M[2, 4] = K[1], K[2], K[4]
+    M[0, 5], M[1, 5], M[2, 5] = K[3], K[4], K[5]
+    _eliminate(M, 6)
+    n = 0.0 if solved else np.nan
+    t = (found[0] + n, found[1] + n, found[2] + hung)
+    energy = found[9] + hung * dz + 0.5 * (cx * t[0] * t[0] + cy * t[1] * t[1] + cz * t[2] * t[2])
+    return (
+        t[0], t[1], found[2] + n, M[0, 3], 0.5 * (M[0, 4] + M[1, 3]), M[1, 4], 0.5 * (M[0, 5] + M[2, 3]),
+        0.5 * (M[1, 5] + M[2, 4]), M[2, 5], energy + n, found[10] + n, found[11] + n, found[12], found[13] + n,
+    )  # fmt: skip
+
+
+@inline
+def _over(number, c):
+    """number/c; 0 where the exit does not move."""
+    return number / c if c > 0.0 else 0.0
+
+
+@outlined
+def _first_move(x, y, z, cable):
+    """How an exit moves without mass and memory, as if the cable left its wheel where it does from a fixed exit.
+
+    With the length l and the tension T, the cable's direction is that of c − C T u for the chord c: u = c/(l + C T) in
+    each coordinate, and its length is 1 at one stretch. The inverse of that length is nearly linear in the stretch, and
+    Newton's method on it needs no other measure.
+    """
+    length, fx, fy, fz, free, _, _, _, _, _, _ = _wheel_path(x, y, z, cable)
+    stretch, T = length - cable.rest_length, 0.0
+    most, e, ux, uy, uz = stretch, 0.0, 0.0, 0.0, 0.0
+    if not (stretch > 0.0 and free > most):
+        return 0.0, 0.0, 0.0
+    for _ in range(FIRST_STEPS):
+        k, over = cable_law.tangent(e, cable.whole, cable.law)
+        T, long = k * max(over, 0.0), free - most + e
+        px, py, pz = long + cable.cx * T, long + cable.cy * T, long + cable.cz * T
+        ux, uy, uz = fx / px, fy / py, fz / pz
+        squares = ux * ux + uy * uy + uz * uz
+        falls = (
+            ux * ux * (1 + cable.cx * k) / px + uy * uy * (1 + cable.cy * k) / py + uz * uz * (1 + cable.cz * k) / pz
+        ) / squares
+        e = min(max(e + (np.sqrt(squares) - 1) / falls, 0.0), most)
+    return cable.cx * T * ux, cable.cy * T * uy, cable.cz * T * uz
+
+
+@outlined
+def _from_fixed_exit(x, y, z, cable, row):
+    """``any_cable`` of an exit that does not give way."""
     elastic = len(row) == 0 or row[KIND] == ELASTIC
     straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0 and cable.rigid == 0.0
     if elastic and straight and cable_law.linear(cable.law):

@@ -202,15 +202,15 @@ def _differences(state: State, name: str, kind: Step) -> Float[Array, "*batch ca
     value = np.asarray(problem.axial_stiffness if name == "axial_stiffness" else getattr(robot, name), dtype=float)
     scales = kind.scale(robot, strain, length)
     steps = STEP * scales.reshape(robot.cables, -1)
-    forward = (value == 0) & kind.least
-    if batch and forward.any():  # of a cable without mass, the step depends on the strain of each state
+    from_zero = (value.reshape(steps.shape) < 2 * steps) & kind.least
+    if batch and from_zero.any():  # of a cable without mass, the step depends on the strain of each state
         found = np.empty((*state.pulls.shape, steps.shape[1]))
         for row in np.ndindex(found.shape[: len(batch)]):
             own = problem[row] if isinstance(problem, Problems) else problem
             found[row] = _differences(forces.at(own, state.position[row], state.rotation[row]), name, kind)
         return found
     found = np.zeros((*state.pulls.shape, steps.shape[1]))
-    for number, step in enumerate(steps.T):
+    for number, (step, forward) in enumerate(zip(steps.T, from_zero.T, strict=True)):
         for place in range(len(CENTRAL)):
             weights = np.where(forward, FORWARD[place], CENTRAL[place]) if kind.least else CENTRAL[place]
             if np.any(weights):
@@ -232,7 +232,7 @@ def _pulls_beside(state: State, name: str, value: Array, path: bool) -> Float[Ar
     other = dataclasses.replace(problem, robot=beside(problem.robot, name, value))
     if not path:
         return forces.at(other, *at).pulls
-    longer = forces.geometry(other.robot, *at).lengths - state.lengths
+    longer = forces.geometry(other.robot, *at).lengths - forces.geometry(problem.robot, *at).lengths
     other = dataclasses.replace(other, rest_lengths=problem.rest_lengths + longer)
     table = problem.robot.cable_table(problem.axial_stiffness)
     return forces.at(other, *at).pulls - longer[..., None] * _pulls_by_length(table, state.pulls, state.cable_stiffness)
@@ -287,9 +287,10 @@ def rest_lengths_under(
         tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
-    rest = cable_law.rest_length_for(cable_path.paths(cabling, -chords)[0], tensions, cabling.law, behind=cabling.added)
-    rest = np.where(rest > cabling.least_lengths, rest, np.nan)
     pulls = cabling.pulls(tensions)
+    lengths = cable_path.paths(cabling, cable_path.exit_moves(cabling, -chords, pulls) - chords)[0]
+    rest = cable_law.rest_length_for(lengths, tensions, cabling.law, behind=cabling.added)
+    rest = np.where(rest > cabling.least_lengths, rest, np.nan)
     done = np.zeros(rest.shape, bool)
     idle = (tensions == 0) & (robot.cable_weights == 0)  # its length is its rest length
     for _ in range(LENGTH_STEPS):

@@ -205,11 +205,19 @@ class State:
         return eigenvalues(self.problem.robot, self.stiffness_matrix)
 
 
-def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
-    """Geometry of the cables of ``robot`` with the platform at a pose, or many."""
+def geometry(
+    robot: Robot,
+    position: Float[Array, "*#batch 3"],
+    rotation: Float[Array, "*#batch 3 3"],
+    moved: Float[Array, "*#batch cables 3"] | float = 0.0,
+) -> Geometry:
+    """Geometry of the cables of ``robot`` with the platform at a pose, or many; by default from exits that do not move.
+
+    ``moved`` is by how much they have moved under their cables [m].
+    """
     turn, (a, b, c) = rotation[..., None, :, :], robot.anchors.T[..., None]
     arms = turn[..., 0] * a + turn[..., 1] * b + turn[..., 2] * c
-    found = paths(robot.cabling, robot.exits - np.asarray(position)[..., None, :] - arms)
+    found = paths(robot.cabling, robot.exits + moved - np.asarray(position)[..., None, :] - arms)
     lengths, free, bends, wraps = found[0], np.maximum(found[4], NO_LENGTH), found[8], found[9]
     directions = np.moveaxis(found[1:4] / free, 0, -1)
     return Geometry(robot, arms, directions, lengths, free, np.moveaxis(found[5:8], 0, -1), bends, wraps)
@@ -221,9 +229,10 @@ def at(
     """Forces of ``problem`` with the platform at a pose, or many; for many problems, each at its own pose."""
     robot, cables = problem.robot, geometry(problem.robot, position, rotation)
     rest = problem.rest_lengths
-    if not robot.cabling.massless:
+    if not robot.cabling.springs:
         chords = np.asarray(position)[..., None, :] + cables.arms - robot.exits
         hanging = any_cables(robot.cable_table(problem.axial_stiffness), chords, rest)
+        cables = geometry(robot, position, rotation, hanging.moved)
         tau = robot.cabling.tensions(hanging.anchor_tension)
         return State(problem, np.asarray(position), rotation, cables, tau, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_stretched(problem))

@@ -35,7 +35,7 @@ def cut(
             and exit stretches by more than the length of the cable.
     """
     cables = forces.geometry(robot, position, rotation)
-    if robot.cabling.massless:
+    if robot.cabling.springs:
         rest = cable_law.rest_length_for(cables.lengths, tensions, robot.cabling.law, behind=robot.cabling.added)
         matrix = cables.wrench_matrix
     else:

@@ -205,7 +205,7 @@ def stiffness_of(
     with np.errstate(all="ignore"):
         return STIFFNESSES(
             table, problems.rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
-            np.array(robot.free), problems.characteristic_length, int(not robot.cabling.massless),
+            np.array(robot.free), problems.characteristic_length, int(not robot.cabling.springs),
             equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
@@ -243,7 +243,7 @@ def solve_table(
     free[robot.free] = 1.0
     given = (
         table, problem.rest_lengths, problem.mass * robot.gravity, problem.center_of_mass, problem.external_wrench,
-        free, problem.characteristic_length, int(not cabling.massless), positions, rotations,
+        free, problem.characteristic_length, int(not cabling.springs), positions, rotations,
     )  # fmt: skip
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:

@@ -7,7 +7,8 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import COLUMNS, GIVES, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics.any_cable import Catenary, any_cables
@@ -80,6 +81,29 @@ def profile(
     return positions + beyond
 
 
+def moved_exits(
+    equilibria: EquilibriumBatch, exits: Float[np.ndarray, "*#batch cables 3"], anchors: Float[np.ndarray, "..."]
+) -> Float[np.ndarray, "*batch cables 3"]:
+    """Where exits that give way are under their cables, (..., cables, 3) [m].
+
+    By the tensions of cables without mass; by the lengths of those with mass, which here have no memory.
+
+    Args:
+        equilibria: (...).
+        exits: where they are without cables, base frame [m].
+        anchors: (..., cables, 3), base frame [m].
+    """
+    robot, cabling = equilibria.robot, equilibria.robot.cabling
+    if cabling.rigid_exits:
+        return exits
+    moves = cable_path.exit_moves(cabling, exits - anchors, cabling.pulls(equilibria.tensions))
+    if not cabling.massless:
+        table = without_memory(robot).cable_table(equilibria.problems.axial_stiffness)
+        hanging = any_cables(table, anchors - exits, equilibria.rest_lengths).moved
+        moves = np.where(cabling.with_mass[:, None], hanging, moves)
+    return exits + moves
+
+
 def profiles(
     robot: Robot,
     exits: ArrayLike,
@@ -91,7 +115,8 @@ def profiles(
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
 
-    With the axial stiffness of the ropes, and weights per rest length with all parts of line [N/m]. A massless cable
+    From exits where they are under their cables (``moved_exits``), with the axial stiffness of the ropes, and weights
+    per rest length with all parts of line [N/m]. A massless cable
     has the shape to which its weight's last trace would bring it, without its pulley. A nonlinear one is taken as
     linear there, as stiff as at its mean tension; one with a memory as elastic. What is rigid at the anchor of a cable
     with mass is straight.
@@ -101,7 +126,7 @@ def profiles(
     if not (np.any(weights) and (cabling.bent or cabling.behind.any() or cabling.least_lengths.any())):
         return profile(exits, anchors, rest, cabling.pulls(np.broadcast_to(axial_stiffness, shape)), weights, points)
     table = np.array(without_memory(robot).cable_table(np.broadcast_to(axial_stiffness, shape)))
-    table[..., WEIGHT] = weights
+    table[..., WEIGHT], table[..., GIVES:] = weights, 0.0
     axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
     found = any_cables(table, anchors - exits, rest)
     rigid = np.where(weights > 0, cabling.least_lengths, 0.0)

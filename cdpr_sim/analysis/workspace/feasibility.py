@@ -97,8 +97,8 @@ def feasible(
 ) -> Bool[Array, "*batch"]:
     """Whether rigid cables can hold the platform there, within limits of tension, against its weight and ``wrenches``.
 
-    Without wrenches this is the static feasible workspace (what ARACHNIS
-    computes); with a set of them, the wrench-feasible workspace of their convex hull.
+    Their exits do not move: a frame that gives way is rigid here, as cables are. Without wrenches this is the static
+    feasible workspace (what ARACHNIS computes); with a set of them, the wrench-feasible workspace of their convex hull.
 
     Args:
         robot: the robot.

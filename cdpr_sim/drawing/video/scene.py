@@ -26,7 +26,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.cable_curves import cable_curve
+from cdpr_sim.drawing.cable_curves import cable_curve, with_moved_exits
 from cdpr_sim.physics.mjcf import LEAST_SPARE, place, scene_mjcf, to_mjcf
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ class Stage:
     def set(self, step: int) -> None:
         """Show state ``step`` of the trajectory."""
         self._look_at(step)
-        place(self.model, self.data, self._massless, self._pose)
+        self._move_exits(step)
+        place(self.model, self.data, self._massless, self._pose, self._moved.exits - self.robot.exits)
         self._set_cables(step)
         mujoco.mj_fwdPosition(self.model, self.data)
         self._set_lengths(step)
@@ -108,6 +109,12 @@ class Stage:
         self._draw_commanded()
         if self.static is not None and np.isfinite(self.static[step].translation).all():
             self._draw_outline(self.static[step])
+
+    def _move_exits(self, step: int) -> None:
+        """Move exits that give way, as much further as deviations are drawn larger."""
+        trajectory, robot = self.trajectory, self.robot
+        anchors = trajectory.poses[step].apply(robot.anchors)
+        self._moved = with_moved_exits(robot, anchors, trajectory.tensions[step], self.exaggeration)
 
     def _look_at(self, step: int) -> None:
         self.step = step
@@ -168,9 +175,10 @@ class Stage:
 
     def _draw_cables(self, step: int) -> None:
         """Draw the cables that MuJoCo would draw differently: with mass, or over pulleys."""
-        trajectory, robot = self.trajectory, self.robot
+        trajectory, robot = self.trajectory, self._moved
         pose = self._pose
         anchors = pose.apply(robot.anchors)
+        further = (1 - 1 / self.exaggeration) * (robot.exits - self.robot.exits)
         ways = cable_path.lengths(robot.cabling, pose.translation, pose.rotation.as_matrix())
         for cable in self._drawn:
             length = None
@@ -179,6 +187,8 @@ class Stage:
                 spare = self.exaggeration * max(0.0, float(trajectory.rest_lengths[step, cable] - true))
                 length = float(ways[cable]) + spare
             shape = None if self.shapes is None else self.shapes[step, cable]
+            if shape is not None:
+                shape = shape + np.linspace(1, 0, len(shape))[:, None] * further[cable]
             curve = cable_curve(robot.cabling, int(cable), anchors[cable], length, shape)
             self._line(curve, style.CABLE_RADIUS, tuple(self.model.tendon_rgba[cable].tolist()))
 

@@ -82,7 +82,8 @@ def write_video(
         seconds: duration of the video; the motion is shown faster or slower to fit, as stated in the picture.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
-        exaggeration: factor by which deviations, tilts and slack are drawn larger, as stated in the picture.
+        exaggeration: factor by which deviations, tilts, slack and moves of exits are drawn larger, as stated in the
+            picture.
         renderer: "opengl", "raycast", or "auto" for the first that works on this machine.
         force: whether to replace an existing file.
         progress: called after each frame with the fraction done, 0 to 1.
@@ -134,7 +135,8 @@ def show(
         seconds: duration; the motion is shown faster or slower to fit, as stated in the picture.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
-        exaggeration: factor by which deviations, tilts and slack are drawn larger, as stated in the picture.
+        exaggeration: factor by which deviations, tilts, slack and moves of exits are drawn larger, as stated in the
+            picture.
         renderer: "opengl", "raycast", or "auto" for the first that works on this machine.
         progress: called after each frame with the fraction done, 0 to 1.
 
@@ -191,6 +193,8 @@ class VideoFrames:
         self._numbers = [
             [getattr(trajectory, name) for trajectory in several] for name in ("tilt", "deviation", "tensions", "slack")
         ]
+        rigid = all(trajectory.robot.cabling.rigid_exits for trajectory in several)
+        enlarged = "Deviations" if rigid else "Deviations and moves of exits"
         self.page = Page(
             self.size,
             [trajectory.robot for trajectory in several],
@@ -199,7 +203,7 @@ class VideoFrames:
             footnote=_footnote(several, seconds),
             warning=""
             if exaggeration == 1
-            else f"Deviations drawn {exaggeration:g} × larger; the numbers are the true values",
+            else f"{enlarged} drawn {exaggeration:g} × larger; the numbers are the true values",
             outlined=any(poses is not None for poses in statics),
         )
         self._wholes = [

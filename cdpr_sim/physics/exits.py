@@ -1,0 +1,153 @@
+"""Exits that give way, in MuJoCo: each on a body ``frame_1``, ... with slides, whose springs are those of the frame.
+
+The body carries the exit's site and its wheel, without weight. There is no slide along an axis in which the exit does
+not move. The frame has no motion of its own: where forces are evaluated, the exits are where theirs balance, found by
+Newton's method on MuJoCo's forces. Each depends on its own cable alone, so that differences along x, y and z are those
+of all exits at once.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia
+
+LIGHT = 1e-3
+"""Mass of the body, as a fraction of the platform's: MuJoCo requires one. Its weight is compensated."""
+
+STEPS, TRIALS = 20, 10
+"""Newton steps of the exits; two or three do. Step lengths that are tried, each half the last."""
+
+DIFFERENCE = 1e-6
+"""Displacement for differences, as a fraction of the mean cable length."""
+
+ROUNDING = 1e-15
+"""Step that changes nothing but rounding, as a fraction of the mean cable length."""
+
+
+def holder(world: ET.Element, robot: Robot, cable: int) -> tuple[ET.Element, Float[np.ndarray, "3"]]:
+    """The element that carries an exit and its wheel, and its position [m]: the body of its frame, or the world."""
+    softness = robot.exit_compliance[cable]
+    if not softness.any():
+        return world, np.zeros(3)
+    for body in world.iter("body"):
+        if body.get("name") == f"frame_{cable + 1}":
+            return body, robot.exits[cable]
+    body = add(world, "body", name=f"frame_{cable + 1}", pos=robot.exits[cable], gravcomp=1)
+    mass = LIGHT * robot.mass
+    add_inertia(body, mass, LEAST_INERTIA)
+    for axis, direction, compliance in zip("xyz", np.eye(3), softness, strict=True):
+        if compliance > 0:
+            slide = {"name": f"frame_{cable + 1}_{axis}", "type": "slide", "axis": direction}
+            add(body, "joint", slide, stiffness=1 / compliance, damping=2 * np.sqrt(mass / compliance))
+    add(body, "site", {"name": f"exit_{cable + 1}", "class": "exit"})
+    return body, robot.exits[cable]
+
+
+@dataclass(frozen=True)
+class Slides:
+    """Indices in a model of the slides of exits that give way; -1 where an exit does not.
+
+    Attributes:
+        coordinates: in ``qpos``.
+        dofs: in ``qvel``.
+    """
+
+    coordinates: Int[np.ndarray, "cables 3"]
+    dofs: Int[np.ndarray, "cables 3"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, cables: int) -> Slides:
+        """The indices, by name."""
+        names = [[f"frame_{cable}_{axis}" for axis in "xyz"] for cable in range(1, cables + 1)]
+        kind = mujoco.mjtObj.mjOBJ_JOINT.value
+        joints = np.array([[mujoco.mj_name2id(model, kind, name) for name in three] for three in names])
+        some = joints >= 0
+        return cls(*(np.where(some, address[joints], -1) for address in (model.jnt_qposadr, model.jnt_dofadr)))
+
+    @property
+    def some(self) -> Bool[np.ndarray, "cables 3"]:
+        """Which exits give way along which axes."""
+        return self.dofs >= 0
+
+    def __bool__(self) -> bool:
+        return bool(self.some.any())
+
+    def settle(
+        self,
+        qpos: Float[np.ndarray, "rows coordinates"],
+        rows: Int[np.ndarray, " some"],
+        length: Float[np.ndarray, " some"],
+        springs: Callable[[], Float[np.ndarray, "rows dofs"]],
+    ) -> None:
+        """Move the exits of some rows to where their forces balance, with the platforms where they are.
+
+        Args:
+            qpos: coordinates of all rows, which are changed.
+            rows: which.
+            length: of their cables [m].
+            springs: MuJoCo's forces of springs at ``qpos``, with wheels turned towards the anchors.
+        """
+        some, at = self.some, (rows[:, None], self.coordinates[self.some])
+        each = np.flatnonzero(some.any(1))
+        if not len(rows):
+            return
+
+        def forces() -> Float[np.ndarray, "rows cables 3"]:
+            found = np.zeros((len(rows), *some.shape))
+            found[:, some] = springs()[rows[:, None], self.dofs[some]]
+            return found[:, each]
+
+        def put(moves: Float[np.ndarray, "rows cables 3"]) -> None:
+            whole = np.zeros((len(rows), *some.shape))
+            whole[:, each] = moves
+            qpos[at] = whole[:, some]
+
+        here = np.zeros((len(rows), *some.shape))
+        here[:, some] = qpos[at]
+        here, step = here[:, each], DIFFERENCE * length[:, None]
+        left = forces()
+        for _ in range(STEPS):
+            slope = np.tile(np.eye(3), (*here.shape[:2], 1, 1))
+            for axis in range(3):
+                moves = here.copy()
+                moves[..., axis] += step
+                put(moves)
+                slope[..., axis] -= np.eye(3)[axis]
+                slope[..., axis] += (left - forces()) / step[..., None]
+            slope = np.where(some[each][:, None, :] & some[each][:, :, None], slope, np.eye(3))
+            slope[~np.isfinite(slope).all((2, 3))] = np.eye(3)
+            move = np.linalg.solve(slope, left[..., None])[..., 0]
+            size, share = np.abs(move).max(-1), np.ones(left.shape[:2])
+            there, after = left, size
+            for _ in range(TRIALS):
+                put(here + share[..., None] * move)
+                there = forces()
+                after = np.abs(np.linalg.solve(slope, there[..., None])[..., 0]).max(-1)
+                worse = ~(after < size) & (size > 1e2 * ROUNDING * length[:, None])
+                if not worse.any():
+                    break
+                share = np.where(worse, share / 2, share)
+            here, left = here + share[..., None] * move, there
+            if not (size > ROUNDING * length[:, None]).any() or not ((after < 0.5 * size) & (after > 0)).any():
+                break
+
+
+def beside_slides(robot: Robot, swivels: ArrayLike) -> Float[np.ndarray, " coordinates"]:
+    """Coordinates of slides, at rest, and swivels, in the order of a model: of exits that give way, then of others."""
+    cabling, found = robot.cabling, []
+    angles = dict(zip(np.flatnonzero(cabling.pulleys).tolist(), np.asarray(swivels).tolist(), strict=False))
+    for cable in np.argsort(~cabling.moving_exits, kind="stable").tolist():
+        found += [0.0] * np.count_nonzero(cabling.exit_compliance[cable])
+        found += [angles[cable]] if cable in angles else []
+    return np.array(found)
