@@ -80,7 +80,7 @@ SHARPER = 0.1
 
 CLOSED, NEARLY, LEAST_PULL = 1e-13, 100.0, 1e-12
 """Largest distance of a chain's end from its exit, as a fraction of its length; how many times as far it may be if
-rounding lets it come no closer; and the smallest pull [N] with a direction."""
+rounding lets it come no closer; and the smallest pull with a direction, as a fraction of the chain's weight."""
 
 ROUNDED = 1e-14
 """A smaller change of energy, as a fraction, may be rounding."""
@@ -556,10 +556,12 @@ def hang(
     upwards = springs.some(np.s_[:, ::-1])
     bends = np.ones_like(rest)  # segments whose edges are rounded
     bends[:, -1] = radii == 0
+    heaviest = np.linalg.norm(hanging[:, -1], axis=1)
+    least = np.maximum(LEAST_PULL * heaviest, np.sqrt(np.finfo(float).tiny))  # no pull has no direction
 
     def laid(pulls: np.ndarray, some: np.ndarray) -> _Laid:
         each = pulls[..., None, :] + hanging[some]
-        floor = np.maximum(soft[some, None, None] * bends[some], LEAST_PULL)
+        floor = np.maximum(soft[some, None, None] * bends[some], least[some, None, None])
         size = np.sqrt(np.vecdot(each, each)[..., None] + floor**2)
         along = each / size
         springs = upwards.some(some)
@@ -615,8 +617,8 @@ def hang(
         edge = edge[~tried[edge]]
         some = np.union1d(some[descends], edge)
         rounded = soft[some] > 0
-        soft[some] *= np.where(soft[some] > LEAST_PULL, SHARPER, 0.0)
-        soft[edge], tried[edge] = np.linalg.norm(hanging[edge, -1], axis=1), True
+        soft[some] *= np.where(soft[some] > least[some], SHARPER, 0.0)
+        soft[edge], tried[edge] = heaviest[edge], True
         changed = some[rounded | (soft[some] > 0)]
         here.update(changed, laid(pulls[changed], changed))
     return here.segments[:, :-1], here.gap <= NEARLY * close

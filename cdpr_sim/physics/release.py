@@ -157,8 +157,10 @@ def grow_gravity(
     with quiet():
         motion = Motion(single(light, problem.pose), TIMESTEP, viscosity=settling_air(light)[1], theta=CALM)
         steps = max(int(seconds / TIMESTEP), 1)
+        gravity = motion.model.opt.gravity
+        gravity[2] = -robot.gravity / steps
         for step, _ in enumerate(motion.steps(steps * TIMESTEP), start=2):
-            motion.model.opt.gravity[2] = -robot.gravity * step / steps
+            gravity[2] = -robot.gravity * min(step, steps) / steps
     if any(warning.number for warning in motion.data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
     return settle(robot, motion.pose, problem.rest_lengths)
