@@ -63,14 +63,8 @@ class Machine:
     place: tuple[float, float, float]
 
     def robot(self, pretension: float, flex: float) -> cdpr.Robot:
-        """The robot, pretensioned.
-
-        A frame that gives way by ``flex`` [m/N] in each direction is rope behind the exits, as long as stretches as
-        much: with n parts of line, n² EA flex.
-        """
-        robot = cdpr.load_robot(self.name)
-        behind = robot.winch_to_exit + flex * robot.reeving**2 * robot.axial_stiffness
-        return robot.replace(pretension=pretension or None, winch_to_exit=behind)
+        """The robot, pretensioned, in a frame that gives way by ``flex`` [m/N] in each direction."""
+        return cdpr.load_robot(self.name).replace(pretension=pretension or None, exit_compliance=flex)
 
 
 MACHINES = (
