@@ -369,10 +369,10 @@ def turned(rotation: np.ndarray, by: np.ndarray) -> np.ndarray:
     return (np.eye(3) + a * k + b * k @ k) @ rotation
 
 
-def stiffness(rig: Rig, position, rotation, ropes: Ropes, load=0.0, near: Answer | None = None) -> np.ndarray:
+def stiffness(rig: Rig, position, rotation, ropes: Ropes, load=0.0, near: Answer | None = None, step=H) -> np.ndarray:
     """Minus the change of the net wrench with the pose on the free directions, rotations times ``size`` [N/m]."""
     units = np.repeat([1.0, rig.size], 3)
-    h = H * float(np.abs(ropes.rest).mean())
+    h = step * float(np.abs(ropes.rest).mean())
     moves = np.array([sign * h * np.eye(6)[k] / units for k in rig.free for sign in (1, -1)])
     moved = balance(rig, position + moves[:, :3], turned(rotation, moves[:, 3:]), ropes, load, near).wrench / units
     return -((moved[::2] - moved[1::2]) / (2 * h))[:, list(rig.free)].T

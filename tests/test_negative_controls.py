@@ -26,6 +26,7 @@ STRAIN = 1e-3
 """By which the cables of fully constrained robots are shortened."""
 
 WHEELS = {"pulley_radius": 0.01, "pulley_axis": (0.3, -0.2, -0.93)}
+ENDS = {"exit_compliance": (1e-3, 5e-4, 2e-3), "rigid_length": 0.05}
 DEMO = {"axial_stiffness": 100.0, "stiffening": (8.0, -20.0), "winch_to_exit": 0.6, "reeving": 2} | WHEELS
 STEEL = {"linear_density": 0.064, "pulley_radius": 0.1, "winch_to_exit": 6.0, "reeving": 2} | LAW
 
@@ -34,6 +35,8 @@ ROBOTS = {
     "slack": ("parallel", {}, 0.0),
     "massless": ("cogiro", DEMO, 0.0),
     "with mass": ("cogiro-crane", STEEL, 0.0),
+    "flexible frame": ("cogiro", DEMO | ENDS, 0.0),
+    "flexible frame, mass": ("cogiro", DEMO | ENDS | {"linear_density": 0.01}, 0.0),
     "tight": ("ipanema-2", {}, STRAIN),
     "large": ("fast-like", {}, STRAIN),
     "under-actuated": ("irma4u", {}, 0.0),
@@ -70,6 +73,8 @@ PROPERTIES: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "pulley_radius": (more, ("massless", "with mass")),
     "pulley_axis": (lambda axes: axes + np.array([0.01, 0, 0]), ("massless",)),
     "winch_to_exit": (more, ("massless", "with mass")),
+    "rigid_length": (more, ("flexible frame", "flexible frame, mass")),
+    "exit_compliance": (more, ("flexible frame", "flexible frame, mass")),
     "reeving": (lambda parts: parts + 1, ("massless", "with mass")),
     "exits": (beside, ("plain", "massless", "with mass")),
     "anchors": (beside, ("plain", "massless", "with mass")),

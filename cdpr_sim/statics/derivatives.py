@@ -202,7 +202,7 @@ def _differences(state: State, name: str, kind: Step) -> Float[Array, "*batch ca
     value = np.asarray(problem.axial_stiffness if name == "axial_stiffness" else getattr(robot, name), dtype=float)
     scales = kind.scale(robot, strain, length)
     steps = STEP * scales.reshape(robot.cables, -1)
-    from_zero = (value.reshape(steps.shape) < 2 * steps) & kind.least
+    from_zero = value.reshape(steps.shape) < 2 * steps if kind.least else np.zeros(steps.shape, dtype=bool)
     if batch and from_zero.any():  # of a cable without mass, the step depends on the strain of each state
         found = np.empty((*state.pulls.shape, steps.shape[1]))
         for row in np.ndindex(found.shape[: len(batch)]):
