@@ -97,13 +97,30 @@ def test_exits_that_are_free_sideways_hang_plumb_above_their_anchors():
     np.testing.assert_allclose(found.tensions, MASS * G / 2, rtol=1e-5)
 
 
-def test_both_methods_agree_where_everything_is_mixed():
-    """Wheels, mass, memory, parts of line; the exit's move is the compliance times the tension vector there."""
-    robot = cdpr.load_robot("cogiro").replace(
+MASS_OF_SOME = {"linear_density": [0.02, 0.0] * 4}
+REMEMBERS = {"hysteresis": [(0.1, 1e-3)], "pulley_friction": 0.03}
+
+
+def mixed(**properties):
+    return cdpr.load_robot("cogiro").replace(
         exit_compliance=[[1e-5, 0, 3e-5]] * 4 + [[0, 0, 0], [2e-5, 2e-5, 2e-5], [0, 1e-5, 0], [0, 0, 0]],
-        linear_density=[0.02, 0.0] * 4, pulley_radius=[0.01, 0.01, 0, 0] * 2, reeving=[1, 1, 1, 2] * 2,
-        winch_to_exit=0.2, hysteresis=[(0.1, 1e-3)], pulley_friction=0.03,
+        pulley_radius=[0.01, 0.01, 0, 0] * 2, reeving=[1, 1, 1, 2] * 2, winch_to_exit=0.2, rigid_length=0.02,
+        **properties,
     )  # fmt: skip
+
+
+def test_mass_and_memory_together_are_of_statics_alone():
+    robot = mixed(**MASS_OF_SOME, **REMEMBERS)
+    pose = np.add(robot.home, [0.05, 0.05, 0.02])
+    assert cdpr.solve(robot, pose).stable
+    with pytest.raises(cdpr.InvalidInput, match="expected at most two of the three"):
+        cdpr.settle(robot, pose)
+
+
+@pytest.mark.parametrize("more", [MASS_OF_SOME, REMEMBERS], ids=["mass", "memory"])
+def test_both_methods_agree_where_everything_is_mixed(more):
+    """Wheels, parts of line, rigid ends, and mass or memory."""
+    robot = mixed(**more)
     pose = np.add(robot.home, [0.05, 0.05, 0.02])
     one, other = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
     np.testing.assert_allclose(one.position, other.position, rtol=0, atol=EXACT)
