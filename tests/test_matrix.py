@@ -956,19 +956,19 @@ def tracked(at: Case, controller) -> Judge:
     )
 
 
-@row("track", "RigidLengths", refuses=RIGID_EXITS, few=6, blind=NEW)
+@row("track", "RigidLengths", refuses=RIGID_EXITS | NOT_TOGETHER, few=6, blind=NEW)
 def _track(at: Case) -> Judge:
     """Winches that hold the rigid lengths."""
     return tracked(at, cdpr.RigidLengths(at.robot))
 
 
-@row("track", "ElasticLengths", "PoseFeedback", refuses=RIGID_EXITS, few=4, only=holdable)
+@row("track", "ElasticLengths", "PoseFeedback", refuses=RIGID_EXITS | NOT_TOGETHER, few=4, only=holdable)
 def _track_elastic(at: Case) -> Judge:
     """Winches that hold compensated lengths, with feedback of the pose."""
     return tracked(at, cdpr.PoseFeedback(cdpr.ElasticLengths(at.robot)))
 
 
-@row("track", "LengthsAndTensions", "HeldTensions", refuses=RIGID_EXITS, few=4, only=holdable)
+@row("track", "LengthsAndTensions", "HeldTensions", refuses=RIGID_EXITS | NOT_TOGETHER, few=4, only=holdable)
 def _track_tensions(at: Case) -> Judge:
     """Winches that hold tensions on some cables and lengths on the others, or tensions alone."""
     return worst(tracked(at, cdpr.LengthsAndTensions(at.robot)), tracked(at, cdpr.HeldTensions(at.robot)))
