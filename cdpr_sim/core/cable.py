@@ -469,9 +469,10 @@ class Cabling(Cables, Frozen):
         short = ~(rest_lengths > self.least_lengths)
         if short.any():
             cable = int(np.argmax(short))
-            least = self.rigid_length[cable]
-            expected = f" in cable {cable + 1}, expected more than its rigid_length, {least:g} m" if least else ""
-            raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m{expected or ', expected more than 0'}")
+            least, where, expected = self.rigid_length[cable], "", "0"
+            if least:
+                where, expected = f" in cable {cable + 1}", f"its rigid_length, {least:g} m"
+            raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m{where}, expected more than {expected}")
 
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.

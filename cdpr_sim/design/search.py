@@ -365,13 +365,13 @@ def _evolve(
 
 def _refine(evaluator: LayoutEvaluator) -> None:
     """Refine the best layout until a round of refinements, each from the result of the one before, gains nothing."""
-    one = evaluator
+    space, cases, objective, limits = evaluator.space, evaluator.cases, evaluator.objective, evaluator.limits
     for _ in range(ROUNDS):
-        begun = one.energy
+        begun = evaluator.energy
         for smaller in SMALLER:
-            assert one.best is not None
-            one.energies(polished(one.best, one.space, one.cases, one.objective, one.limits, one.reach, smaller))
-        if not one.energy < begun - GAIN * abs(begun):
+            assert evaluator.best is not None
+            evaluator.energies(polished(evaluator.best, space, cases, objective, limits, evaluator.reach, smaller))
+        if not evaluator.energy < begun - GAIN * abs(begun):
             return
 
 

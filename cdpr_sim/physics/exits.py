@@ -43,7 +43,7 @@ def refuse_memory_and_mass(cabling: Cabling) -> None:
     Raises:
         InvalidInput: a robot has all three.
     """
-    if cabling.moving_exits.any() and not cabling.massless and cabling.has_memory.any():
+    if not cabling.rigid_exits and not cabling.massless and cabling.has_memory.any():
         cable = int(np.argmax(cabling.moving_exits))
         raise InvalidInput(
             f"exit_compliance: found it in cable {cable + 1}, beside linear_density and pulley_friction, hysteresis or "
@@ -114,10 +114,10 @@ class Slides:
             length: of their cables [m].
             springs: MuJoCo's forces of springs at ``qpos``, with wheels turned towards the anchors.
         """
-        some, at = self.some, (rows[:, None], self.coordinates[self.some])
-        each = np.flatnonzero(some.any(1))
         if not len(rows):
             return
+        some, at = self.some, (rows[:, None], self.coordinates[self.some])
+        each = np.flatnonzero(some.any(1))
 
         def forces() -> Float[np.ndarray, "rows cables 3"]:
             found = np.zeros((len(rows), *some.shape))

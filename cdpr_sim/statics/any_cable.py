@@ -146,7 +146,7 @@ def _all(table, chord, rest_length, scratch, pull, stiffness, energy, exit_tensi
             moved[i, j, 0], moved[i, j, 1], moved[i, j, 2] = (
                 -cable.cx * pull[i, j, 0],
                 -cable.cy * pull[i, j, 1],
-                (-cable.cz * (pull[i, j, 2] + _hung(cable))),
+                -cable.cz * (pull[i, j, 2] + _hung(cable)),
             )
             stiffness[i, j, 0, 0], stiffness[i, j, 1, 1], stiffness[i, j, 2, 2] = xx, yy, zz
             stiffness[i, j, 0, 1] = stiffness[i, j, 1, 0] = xy

@@ -116,10 +116,9 @@ def profiles(
     """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
 
     From exits where they are under their cables (``moved_exits``), with the axial stiffness of the ropes, and weights
-    per rest length with all parts of line [N/m]. A massless cable
-    has the shape to which its weight's last trace would bring it, without its pulley. A nonlinear one is taken as
-    linear there, as stiff as at its mean tension; one with a memory as elastic. What is rigid at the anchor of a cable
-    with mass is straight.
+    per rest length with all parts of line [N/m]. A massless cable has the shape to which its weight's last trace would
+    bring it, without its pulley. A nonlinear one is taken as linear there, as stiff as at its mean tension; one with a
+    memory as elastic. What is rigid at the anchor of a cable with mass is straight.
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
