@@ -9,7 +9,6 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from rich.console import Console
-from test_real_cables_physics import wheel_by_hand
 
 import cdpr_sim as cdpr
 import paper_ends
@@ -113,7 +112,7 @@ def test_point_exit_lengths_change_as_straight_cables_do(catalogue):
     home, there = robot.home, np.array(POSE)
     lengths = real_cables.point_exit_lengths(robot, [home, there])
     for cable, (exit_point, anchor) in enumerate(zip(robot.exits, robot.anchors, strict=True)):
-        at_home, _ = wheel_by_hand(exit_point, np.array(UP), 0.02, home + anchor)
+        at_home = robot.rest_lengths(home)[cable]
         change = np.linalg.norm(there + anchor - exit_point) - np.linalg.norm(home + anchor - exit_point)
         assert lengths[:, cable] == pytest.approx([at_home, at_home + change], abs=1e-12)
 
