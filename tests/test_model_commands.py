@@ -167,36 +167,6 @@ def test_a_diagnosis_in_json(box):
     assert json.loads(run("diagnose", "ball.xml", "--json").stdout)["fastest_period"] is None
 
 
-MISTAKES = {
-    "nowhere.xml": "nowhere.xml: no such file",
-    ".": ".: found a folder, expected a file or a new name",
-    "wrong.xml": "wrong.xml: MuJoCo cannot read it: XML Error:",
-    "box.xml --keyframe hgh": "unknown keyframe 'hgh'",
-    "box.xml --keyframe 1": "unknown keyframe '1': known: low",
-    "box.xml --ctrl 1 2": "--ctrl: found '1,2', expected 1 numbers, one for each control of the model",
-    "box.xml --ctrl up": "--ctrl: found 'up', expected 1 numbers",
-    "box.xml --ctrl nan": "ctrl: found nan, expected finite numbers",
-    "box.xml --ignore bx": "bx",
-    "box.xml --save rest.txt": "found the suffix '.txt', expected .xml",
-    "box.xml --save no/rest.xml": "found no folder 'no'",
-    "box.xml --seconds 0": "seconds: found 0 s, expected more than 0",
-}
-
-
-@pytest.mark.parametrize("command", ["settle-model", "diagnose"])
-@pytest.mark.parametrize("words", MISTAKES)
-def test_a_mistake_gets_one_sentence(command, words, box):
-    """And exit status 2, before the search."""
-    if "--save" in words and command == "diagnose":
-        return
-    (box / "wrong.xml").write_text("<mujoco><wordlbody/></mujoco>")
-    result = run(command, *words.split())
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.startswith("cdpr-sim: ")
-    assert MISTAKES[words] in result.stderr
-    assert result.stderr.count("\n") == 1
-
-
 def test_a_compiled_model_is_read_but_not_copied(box):
     """It has no text to which a keyframe could be added."""
     mujoco.mj_saveModel(mujoco.MjModel.from_xml_string(BOX), "box.mjb")
