@@ -32,10 +32,11 @@ import fully_constrained
 import lines
 import lines_figures
 import paper_figures
+import robots_on_axes
 import two_cable
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.check import OUTCOMES
-from cdpr_sim.drawing import axes, cable_curves, lettering, maps, style
+from cdpr_sim.drawing import cable_curves, lettering, maps, still, style
 from cdpr_sim.report import layout_pictures
 
 RELATIVE = 1e-5
@@ -162,6 +163,21 @@ def test_a_layouts_numbers_are_mujocos_before_and_after():
         assert rows["lowest, highest tension"][n] == f"0 N, {settled.tensions[1:].max():.3g} N"
     (what, _, after), *_ = layout_pictures.numbers(drawn_figures.validation(settled=False))
     assert (what, after) == ("worst tilt, in MuJoCo", "no equilibrium at any pose")
+
+
+def test_layouts_are_drawn_as_they_settled_in_the_worst_case(monkeypatch):
+    """Platforms stand where MuJoCo let them rest, under one camera, with their slack cables; the last one enlarged."""
+    shown = []
+    monkeypatch.setattr(still, "show", lambda _, stage, camera, *__: shown.append((stage, camera)))
+    drawn_figures.picture()
+    (before, one), (after, other), (enlarged, _) = shown
+    found, worst = drawn_figures.validation(), 1
+    assert enlarged is after
+    for stage, side in ((before, found.before), (after, found.after)):
+        np.testing.assert_allclose(stage.data.body("platform").xpos, side.settled.positions[worst], atol=1e-9)
+        assert stage.trajectory.slack.tolist() == [side.settled.slack[worst].tolist()]
+    assert before.trajectory.slack.any()
+    assert one is other
 
 
 # What a reader sees
@@ -502,12 +518,12 @@ def test_a_turned_platform_and_its_slack_cables_are_drawn_where_they_are():
     position, c, s = np.array([0.5, 0, 0.4]), np.sqrt(3) / 2, 0.5
     rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     ax = Figure().add_subplot()
-    axes.draw_platform(ax, robot, position, rotation)
+    robots_on_axes.draw_platform(ax, robot, position, rotation)
     corners = [(x, z) for x in (-0.2, 0.2) for z in (-0.1, 0.1)]
     expected = [(0.5 + c * x + s * z, 0.4 - s * x + c * z) for x, z in corners]
     np.testing.assert_allclose(sorted(ax.patches[0].get_xy()[:-1].tolist()), sorted(expected))
     straight = np.hypot(0.5 - 0.2 * c, 0.6 - 0.4 - 0.2 * s)  # from (0, 0.6) to the left end, which is higher
-    axes.draw_cables(ax, robot, position, rotation, [True, False], [1.1 * straight, 1.0])
+    robots_on_axes.draw_cables(ax, robot, position, rotation, [True, False], [1.1 * straight, 1.0])
     slack, taut = (line.get_xydata() for line in ax.lines)
     assert np.linalg.norm(np.diff(slack, axis=0), axis=1).sum() == pytest.approx(1.1 * straight, rel=LENGTH)
     assert slack[[0, -1]] == pytest.approx(np.array([[0, 0.6], [0.5 - 0.2 * c, 0.4 + 0.2 * s]]))
@@ -518,7 +534,7 @@ def test_a_pose_in_space_is_drawn_where_it_is():
     """The platform's box where it rests, as large as it is, and the outline where it was commanded, level."""
     equilibria, row = made("parallel").poses, 1
     ax = Figure().add_subplot(projection="3d")
-    axes.draw_pose(ax, equilibria, row)
+    robots_on_axes.draw_pose(ax, equilibria, row)
     half = equilibria.robot.platform_size / 2
     signs = np.array([*itertools.product((-1, 1), repeat=3)])
     commanded = equilibria.problems.positions[row] + half * signs

@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+import robots_on_axes as drawing
 from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, key, styled
 from cdpr_sim.robots.catalogue import load_robot
