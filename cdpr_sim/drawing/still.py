@@ -31,7 +31,7 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, styled
+from cdpr_sim.drawing.figures import canvas, encoded, styled
 from cdpr_sim.drawing.video.raycast import RayCaster
 from cdpr_sim.drawing.video.scene import Stage, seen
 

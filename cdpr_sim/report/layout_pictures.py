@@ -30,7 +30,7 @@ from cdpr_sim.design.layout_equilibria import solve_layouts
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.objectives import Objective
 from cdpr_sim.drawing import still, style
-from cdpr_sim.drawing.axes import canvas, key, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, key, legend_above, styled
 from cdpr_sim.drawing.maps import outer_edges
 from cdpr_sim.drawing.video.frame_layout import nice_above
 from cdpr_sim.drawing.video.scene import Stage

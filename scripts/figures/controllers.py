@@ -30,7 +30,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, encoded, legend_above, styled
 from cdpr_sim.report.table_style import new_table
 from controller_comparison import (
     ELASTIC,

@@ -20,7 +20,7 @@ from cdpr_sim.core.describe import describe_cables, newtons
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, styled
+from cdpr_sim.drawing.figures import canvas, key, styled
 from lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
 from robots_on_axes import legend_below, points
 

@@ -20,7 +20,7 @@ from rich.console import Console
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, styled
+from cdpr_sim.drawing.figures import canvas, encoded, styled
 from cdpr_sim.report.table_style import Sheet, new_table
 from robots_on_axes import points
 

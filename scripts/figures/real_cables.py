@@ -30,8 +30,8 @@ from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.figures import canvas, encoded, key, styled
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.table_style import new_table

@@ -20,8 +20,8 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import key
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of, with_moved_exits
+from cdpr_sim.drawing.figures import key
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))

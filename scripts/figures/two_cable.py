@@ -19,7 +19,7 @@ from cdpr_sim.core.describe import describe_cables, newtons
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, key, legend_above, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
