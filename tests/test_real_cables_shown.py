@@ -13,8 +13,8 @@ from rich.console import Console
 import cdpr_sim as cdpr
 import paper_ends
 import real_cables
+import robots_on_axes as drawing
 import tilt_condition
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.physics.model_files import model_files

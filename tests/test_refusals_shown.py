@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import cdpr_sim as cdpr
 import paper_figures
 from cdpr_sim.core.files import check_place
-from cdpr_sim.drawing import axes, maps
+from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.statics import two_cable_closed_form
 
@@ -42,8 +42,8 @@ REFUSED = [
     (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (3, 2, 2))), "expected a plane"),
     (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (3, 1, 1))), "expected a plane"),
     (lambda: maps.draw_elastic_map(cdpr.sweep("cogiro", (2, 1, 2), quantities=["tilt"])), "no variable 'distance'"),
-    (lambda: axes.draw_cables(Figure().add_subplot(), HEAVY, np.zeros(3), np.eye(3), [False] * 8), UNSHAPED),
-    (lambda: axes.draw_pose(Figure().add_subplot(projection="3d"), AT_REST, 0), UNSHAPED),
+    (lambda: robots_on_axes.draw_cables(Figure().add_subplot(), HEAVY, np.zeros(3), np.eye(3), [False] * 8), UNSHAPED),
+    (lambda: robots_on_axes.draw_pose(Figure().add_subplot(projection="3d"), AT_REST, 0), UNSHAPED),
     (lambda: Stage(AT_REST, largest_tension=2.0), UNSHAPED),
     (lambda: Stage(AT_REST, largest_tension=2, shapes=np.ones((1, 8, 3, 3))), "expected 2 states of 8 cables"),
     (lambda: cdpr.cable_profiles(AT_REST, points=1), "points: found 1"),

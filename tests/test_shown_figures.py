@@ -16,7 +16,7 @@ import drawn_figures
 import matplotlib
 import numpy as np
 import pytest
-from artists import by_gid, text_of
+from artists import by_gid, key_of, text_of
 from drawn_figures import AWAY, FIGURES, STUDIES, figure, made
 from matplotlib import font_manager
 from matplotlib.axes import Axes
@@ -31,6 +31,7 @@ import cdpr_sim as cdpr
 import lines
 import lines_figures
 import paper_figures
+import robots_on_axes
 import two_cable
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.check import OUTCOMES
@@ -123,6 +124,15 @@ def test_every_picture_has_a_title_labels_with_units_and_a_legend(name):
         for label, needless in zip(names, (shared_x, shared_y or rows_named, False), strict=False):
             assert re.search(r"\[(m|mm|°|N|kN/m|ms|%)\]$", label) or (needless and not label), (ax, names)
     assert drawn.legends or any(ax.get_legend() for ax in drawn.axes)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_two_keys_of_a_legend_look_the_same(name):
+    drawn = figure(name)
+    for legend in filter(None, [*drawn.legends, *(ax.get_legend() for ax in drawn.axes)]):
+        looks = [key_of(artist) for artist in legend.legend_handles]
+        looks = [look for look in looks if look]  # without: words alone, which contain their markers
+        assert len(set(looks)) == len(looks), looks
 
 
 @functools.cache
