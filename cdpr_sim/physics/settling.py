@@ -274,41 +274,39 @@ class Settling:
         Newton's method: rows are put back if their stiffness is not positive definite, their first step is long, or a
         step does not halve the force: a cable has become slack or taut.
         """
-        simulations, steps = self.simulations, self.steps[at]
+        simulations, free, count = self.simulations, self.simulations.free, self.steps[at]
         qpos, qvel = simulations.qpos[at], simulations.qvel[at]
         residual, earlier = simulations.residuals(at), np.full(len(at), -1.0)
-        stiffness = np.zeros((len(at), simulations.free, simulations.free))
+        compliance, definite = np.zeros((len(at), free, free)), np.zeros(len(at), dtype=bool)
         reached, going = np.zeros(len(at), dtype=bool), np.arange(len(at))
         for _ in range(MOST_NEAR):
             stale = going[~(residual[going] <= QUICK * earlier[going])]
             if len(stale):
-                fresh = Derivatives.of(simulations, at[stale], quick=True)
-                stiffness[stale] = np.where(fresh.known[:, None, None], fresh.direct, 0.0)
-            earlier[going] = residual[going]
-            usable, residual[going] = self._short_step(at[going], stiffness[going])
-            reached[going] = usable & (residual[going] <= self.target[at[going]])
-            going = going[usable & ~reached[going] & (residual[going] <= CLOSER * earlier[going])]
+                compliance[stale], definite[stale] = self._compliance(at[stale])
+            rows, earlier[going] = at[going], residual[going]
+            x = (compliance[going] @ simulations.forces(rows)[0][..., None])[..., 0]
+            usable = definite[going] & (np.abs(x).max(1) <= NEAR * simulations.size[rows])
+            x[~usable] = 0
+            simulations.qpos[rows] = simulations.displaced(simulations.qpos[rows], simulations.in_dofs(rows, x))
+            self.steps[rows] += 1
+            left = residual[going] = simulations.residuals(rows)
+            reached[going] = rests = usable & (left <= self.target[rows])
+            going = going[usable & ~rests & (left <= CLOSER * earlier[going])]
             if not len(going):
                 break
-        left = at[~reached]
-        simulations.qpos[left], simulations.qvel[left] = qpos[~reached], qvel[~reached]
-        self.steps[left] = steps[~reached]
+        back = at[~reached]
+        simulations.qpos[back], simulations.qvel[back] = qpos[~reached], qvel[~reached]
+        self.steps[back] = count[~reached]
         return reached
 
-    def _short_step(
-        self, at: Rows, stiffness: Float[np.ndarray, "some free free"]
-    ) -> tuple[Bool[np.ndarray, " some"], Float[np.ndarray, " some"]]:
-        """One step to an equilibrium that is near; whether there is such a step, and the residual after it [N]."""
-        simulations = self.simulations
+    def _compliance(self, at: Rows) -> tuple[Float[np.ndarray, "some free free"], Bool[np.ndarray, " some"]]:
+        """Inverse of the stiffness [m/N] of rows on massless cables; and where that is positive definite."""
+        derivatives = Derivatives.of(self.simulations, at, quick=True)
+        stiffness = np.where(derivatives.known[:, None, None], derivatives.direct, 0.0)
         values = np.linalg.eigvalsh((stiffness + stiffness.swapaxes(1, 2)) / 2)
-        usable = values[:, 0] > DEFINITE * values[:, -1]
-        x = np.zeros((len(at), simulations.free))
-        x[usable] = np.linalg.solve(stiffness[usable], simulations.forces(at)[0][usable, :, None])[..., 0]
-        usable &= np.abs(x).max(1) <= NEAR * simulations.size[at]
-        x[~usable] = 0
-        simulations.qpos[at] = simulations.displaced(simulations.qpos[at], simulations.in_dofs(at, x))
-        self.steps[at] += 1
-        return usable, simulations.residuals(at)
+        definite = values[:, 0] > DEFINITE * values[:, -1]
+        stiffness[~definite] = np.eye(self.simulations.free)
+        return np.linalg.inv(stiffness), definite
 
     def _step(
         self, at: Rows, derivatives: Derivatives, modes: Modes, residual: Float[np.ndarray, " some"]
