@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.problem import OWN_AXES, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import IDLE_STRAIN
 from cdpr_sim.physics import pulleys
@@ -195,15 +195,12 @@ class Simulations:
             InvalidInput: a wrench on a model without a body ``origin``.
         """
         robot, cabling, rows = self.robot, self.robot.cabling, len(self.all)
-        self._from = np.broadcast_to(problems.positions, (rows, 3)), np.broadcast_to(problems.rotations, (rows, 3, 3))
-        self.rest_lengths, self.axial_stiffness, self.wrenches = (
-            np.array(np.broadcast_to(numbers, (rows, each)), order="C")  # one row is summed as many are
-            for numbers, each in (
-                (problems.rest_lengths, robot.cables),
-                (problems.axial_stiffness, robot.cables),
-                (problems.external_wrench, 6),
-            )
-        )
+        names = "positions", "rotations", "rest_lengths", "axial_stiffness", "external_wrench"
+        *self._from, self.rest_lengths, self.axial_stiffness, self.wrenches = fields = [
+            np.empty((rows, *getattr(problems, name).shape[-OWN_AXES[name] :])) for name in names
+        ]
+        for name, field in zip(names, fields, strict=True):
+            field[:] = getattr(problems, name)
         if self.given and not self.heavy:
             self.rest_lengths = self.bands[:, self.first, 1] - self.entries
         if self.wrenches.any() and self.origin < 0:
@@ -347,6 +344,8 @@ class Simulations:
         return None if self.ropes is None else self._before[row][None]
 
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
+        if not self.heavy:
+            return np.zeros((len(self.all), 0))
         beyond = Law.of(self.robot.cabling).ropes(self.rest_lengths) - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
 
