@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 import cdpr_sim as cdpr
 import paper_figures
+import robots_on_axes
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video.scene import Stage

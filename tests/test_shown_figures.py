@@ -31,7 +31,6 @@ import cdpr_sim as cdpr
 import lines
 import lines_figures
 import paper_figures
-import robots_on_axes
 import two_cable
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.check import OUTCOMES
