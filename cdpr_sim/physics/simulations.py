@@ -847,7 +847,8 @@ def _prepared(model: mujoco.MjModel, robot: Robot, sinks: bool) -> Indices:
         angular = slice(3, 6) if len(robot.free) == 6 else slice(2, 3)
         model.dof_armature[angular] = TURNING * _inertia(robot)[angular]
         frames = Slides.of(model, robot.cables)
-        model.dof_armature[frames.dofs[frames.some]] = IMMOVABLE  # by time steps; they move between them
+        dofs = frames.dofs[frames.some]
+        model.dof_armature[dofs] = model.dof_M0[dofs] = IMMOVABLE  # by time steps; they move between them
     model.dof_armature[swivels.dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     if sinks:
         mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses
