@@ -159,7 +159,7 @@ class Motion:
         self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
         swivels = simulation.swivels
         frames = matrices(model.body_quat[swivels.bodies])
-        self._sites, self._wheels = data.site_xpos, model.body_pos[swivels.bodies]
+        self._sites = data.site_xpos
         self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
         if self._heavy and not simulation.given:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
@@ -250,7 +250,7 @@ class Motion:
         model, data, swivels = self.model, self.data, self.simulation.swivels
         if len(swivels.coordinates):
             mujoco.mj_kinematics(model, data)
-            away = self._sites[swivels.faced] - self._wheels
+            away = self._sites[swivels.faced] - data.xpos[swivels.bodies]
             x, y = np.vecdot(self._axes, away)
             self._qpos[swivels.coordinates] = self._straight + np.arctan2(y, x)
             self._qvel[swivels.dofs] = 0
