@@ -109,23 +109,51 @@ def mixed(**properties):
     )  # fmt: skip
 
 
-def test_mass_and_memory_together_are_of_statics_alone():
-    robot = mixed(**MASS_OF_SOME, **REMEMBERS)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    assert cdpr.solve(robot, pose).stable
-    with pytest.raises(cdpr.InvalidInput, match="expected at most two of the three"):
-        cdpr.settle(robot, pose)
-
-
-@pytest.mark.parametrize("more", [MASS_OF_SOME, REMEMBERS], ids=["mass", "memory"])
+@pytest.mark.parametrize("more", [MASS_OF_SOME, REMEMBERS, MASS_OF_SOME | REMEMBERS], ids=["mass", "memory", "both"])
 def test_both_methods_agree_where_everything_is_mixed(more):
-    """Wheels, parts of line, rigid ends, and mass or memory."""
+    """Wheels, parts of line, rigid ends, mass, memory, and both."""
     robot = mixed(**more)
     pose = np.add(robot.home, [0.05, 0.05, 0.02])
     one, other = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
     np.testing.assert_allclose(one.position, other.position, rtol=0, atol=EXACT)
     np.testing.assert_allclose(one.lengths, other.lengths, rtol=0, atol=EXACT)
     np.testing.assert_allclose(one.tensions, other.tensions, rtol=0, atol=1e-8 * robot.weight)
+
+
+class Lowered:
+    """A controller whose winch lets out a millimetre at once."""
+
+    def start(self, reference):
+        return np.array([2.0])
+
+    def command(self, time, pose, measurement):
+        return np.array([2.001])
+
+
+def decay(compliance: float, damping: float) -> complex:
+    """Complex angular frequency [1/s] of a mass that was lowered on a plumb cable, by linear prediction."""
+    robot = hung([(0, 0, 3)], [(0, 0, 0)], exit_compliance=(0, 0, compliance), mobility="planar")
+    motion = cdpr.track(robot, [(0, 0, 1)], Lowered(), seconds=3, rate=50, damping=0, cable_damping=damping)
+    z = motion.positions[2:, 2]
+    past = np.stack([z[1:-1], z[:-2], np.ones(len(z) - 2)], axis=1)
+    two = np.linalg.lstsq(past, z[2:], rcond=None)[0]
+    return complex(np.log(np.roots([1, -two[0], -two[1]]).astype(complex))[0] * 50)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 1e-3, 4e-3])
+def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
+    """A mass on a spring k with the damper c k, and the frame's spring in series: m s² + 1/(1/(k (1 + c s)) + C) = 0.
+
+    With the whole motion in the damper, oscillations would decay up to nine times as fast.
+    """
+    k, c = EA / 2.0, 2e-3
+    # m s² (1 + C k (1 + c s)) + k (1 + c s) = 0
+    roots = np.roots([MASS * compliance * k * c, MASS * (1 + compliance * k), k * c, k])
+    expected = roots[np.argmax(roots.imag)]
+    found = decay(compliance, c)
+    assert abs(found.imag) == pytest.approx(expected.imag, rel=1e-3)
+    assert found.real == pytest.approx(expected.real, rel=2e-2)
+    assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
 
 
 def test_compiled_and_interpreted_equilibria_are_equal_to_the_last_bit(monkeypatch):

@@ -364,9 +364,6 @@ NO_MEMORY = dict.fromkeys(MEMORY, "their memory is not taken into account here")
 
 RIGID_EXITS = {"frame": "the frame's compliance is not taken into account here"}
 
-NOT_TOGETHER = {}
-"""Of MuJoCo."""
-
 
 def row(*of: str, refuses=None, few=None, only=lambda at: True, blind=()):
     """Make a function a row, named as it is."""
@@ -444,7 +441,7 @@ def _solve_trajectory(at: Case) -> Judge:
     return near(at, found, rest=at.robot.rest_lengths(at.pose), load=0.0)
 
 
-@row("settle", "settle_trajectory", refuses=NOT_TOGETHER, few=5, blind=NEW)
+@row("settle", "settle_trajectory", few=5, blind=NEW)
 def _settle(at: Case) -> Judge:
     """In MuJoCo; and with the motion to it."""
     if at.names & (MEMORY | {"mass"}):
@@ -454,7 +451,7 @@ def _settle(at: Case) -> Judge:
     return near(at, found)
 
 
-@row("settle_many", refuses=NOT_TOGETHER, few=3, blind=NEW)
+@row("settle_many", few=3, blind=NEW)
 def _settle_many(at: Case) -> Judge:
     """On threads."""
     return near(at, cdpr.settle_many(cdpr.Problems.of(at.robot, at.pose[None], at.rest, at.load), threads=1)[0])
@@ -491,7 +488,6 @@ def _solve_path(at: Case) -> Judge:
 
 @row(
     "settle_path",
-    refuses=NOT_TOGETHER,
     few=5,
     only=lambda at: len(at.names) < 9 and not {"mass", "law"} <= at.names,
 )
@@ -956,19 +952,19 @@ def tracked(at: Case, controller) -> Judge:
     )
 
 
-@row("track", "RigidLengths",  few=6, blind=NEW)
+@row("track", "RigidLengths", few=6, blind=NEW)
 def _track(at: Case) -> Judge:
     """Winches that hold the rigid lengths."""
     return tracked(at, cdpr.RigidLengths(at.robot))
 
 
-@row("track", "ElasticLengths", "PoseFeedback",  few=4, only=holdable)
+@row("track", "ElasticLengths", "PoseFeedback", few=4, only=holdable)
 def _track_elastic(at: Case) -> Judge:
     """Winches that hold compensated lengths, with feedback of the pose."""
     return tracked(at, cdpr.PoseFeedback(cdpr.ElasticLengths(at.robot)))
 
 
-@row("track", "LengthsAndTensions", "HeldTensions",  few=4, only=holdable)
+@row("track", "LengthsAndTensions", "HeldTensions", few=4, only=holdable)
 def _track_tensions(at: Case) -> Judge:
     """Winches that hold tensions on some cables and lengths on the others, or tensions alone."""
     return worst(tracked(at, cdpr.LengthsAndTensions(at.robot)), tracked(at, cdpr.HeldTensions(at.robot)))
@@ -1039,7 +1035,7 @@ def _import_robot(at: Case) -> Judge:
 # Both methods.
 
 
-@row("check", "compare", refuses=NOT_TOGETHER, few=3, blind=NEW)
+@row("check", "compare", few=3, blind=NEW)
 def _check(at: Case) -> Judge:
     """Statics and simulation agree; where statics says."""
     found = cdpr.check(at.robot, poses=at.pose[None], threads=1)

@@ -19,8 +19,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia
 
@@ -35,20 +33,6 @@ DIFFERENCE = 1e-6
 
 ROUNDING = 1e-15
 """Step that changes nothing but rounding, as a fraction of the mean cable length."""
-
-
-def refuse_memory_and_mass(cabling: Cabling) -> None:
-    """Refuse exits that give way beside cables with mass and cables with a memory.
-
-    Raises:
-        InvalidInput: a robot has all three.
-    """
-    if False:
-        cable = int(np.argmax(cabling.moving_exits))
-        raise InvalidInput(
-            f"exit_compliance: found it in cable {cable + 1}, beside linear_density and pulley_friction, hysteresis or "
-            "creep; expected at most two of the three, which MuJoCo does not settle reliably together; solve takes all"
-        )
 
 
 def holder(world: ET.Element, robot: Robot, cable: int) -> tuple[ET.Element, Float[np.ndarray, "3"]]:

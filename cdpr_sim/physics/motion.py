@@ -40,7 +40,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked
-from cdpr_sim.physics.exits import STEPS, refuse_memory_and_mass
+from cdpr_sim.physics.exits import STEPS
 from cdpr_sim.physics.rope_motion import RopeMotion, RopeState
 from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
 
@@ -107,7 +107,6 @@ class Motion:
         row: int = 0,
     ) -> None:
         self.simulation, self.robot, self.row, self.longest = simulation, simulation.robot, row, float(longest)
-        refuse_memory_and_mass(self.robot.cabling)
         self._cable_damping, self._damping_time = cable_damping, damping_time
         simulation.residuals(np.array([row]))
         self.model = model = simulation.batch.get_model(row)
@@ -418,9 +417,7 @@ class Motion:
             extra = np.zeros_like(pull) if extra is None else extra
             pull[own] = extra[own] = self._pulls[own]
             part = self._stretching(self._slopes)
-            drag[own] = np.where(
-                slides | (pull[own] <= 0), 0.0, (self._cable_damping * self._stiffness * part**2)[own]
-            )
+            drag[own] = np.where(slides | (pull[own] <= 0), 0.0, (self._cable_damping * self._stiffness * part**2)[own])
             if resisting is not None:
                 resisting[own] = (later * self._slopes * part)[own]
                 extra[own] -= (resisting * winding)[own]

@@ -40,7 +40,7 @@ from cdpr_sim.physics.chains import (
     profiles,
     straight,
 )
-from cdpr_sim.physics.exits import Slides, refuse_memory_and_mass
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -792,11 +792,10 @@ def simulations_of(
         threads: 0 for one per processor.
 
     Raises:
-        InvalidInput: a mass per problem, since all rows have one model; exits that give way beside mass and memory.
+        InvalidInput: a mass per problem, since all rows have one model.
     """
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
-    refuse_memory_and_mass(robot.cabling)
     reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
     found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():
