@@ -519,7 +519,7 @@ def _follow_load(at: Case) -> Judge:
     return judge
 
 
-@row("grow_gravity", refuses=NO_MEMORY | RIGID_EXITS, few=2)
+@row("grow_gravity", refuses=NO_MEMORY, few=2)
 def _grow_gravity(at: Case) -> Judge:
     """In MuJoCo, the end of it."""
     problem = cdpr.Problem.of(at.robot, at.pose, at.rest)

@@ -300,10 +300,9 @@ class Motion:
         """
         if self._ropes is None:
             return
-        for _ in range(STEPS):
-            state = self._recalled(seconds)
-            if not self._move_exits():
-                break
+        state, steps = self._recalled(seconds), 0
+        while self._move_exits() and steps < STEPS:
+            state, steps = self._recalled(seconds), steps + 1
         self._ropes.memory, self._sticks = state.memory, state.sticks
 
     def _recalled(self, seconds: float) -> RopeState:
