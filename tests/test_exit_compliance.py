@@ -1,5 +1,6 @@
 """Exits that give way (``exit_compliance``): closed forms in statics and in MuJoCo, limits, and what refuses them."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -154,6 +155,37 @@ def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
     assert abs(found.imag) == pytest.approx(expected.imag, rel=1e-3)
     assert found.real == pytest.approx(expected.real, rel=2e-2)
     assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
+
+
+def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
+    """Stepped, the platform comes to the equilibrium of its lengths; reset there, nothing is unbalanced."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], pulley_radius=0.01)
+    wanted = robot.rest_lengths(np.add(robot.home, [0.03, 0.0, 0.02]))
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
+    data = mujoco.MjData(model)
+    data.ctrl = cdpr.winch_controls(robot, robot.home, wanted)
+    mujoco.mj_step(model, data, nstep=round(10 / model.opt.timestep))
+    solved = cdpr.solve(robot, robot.home, wanted)
+    np.testing.assert_allclose(data.body("platform").xpos, solved.position, rtol=0, atol=EXACT)
+    rigid = cdpr.solve(robot.replace(exit_compliance=0), robot.home, wanted)
+    assert np.abs(rigid.position - solved.position).max() > 1e3 * EXACT
+    cdpr.reset(model, data, solved.pose, rest_lengths=wanted)
+    left = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    assert np.abs(left).max() < 1e-8 * robot.weight
+    with pytest.raises(cdpr.InvalidInput, match="pretension: found exits that give way"):
+        cdpr.reset(model, data, solved.pose, pretension=1.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
+)
+def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
+    """And so are dampers of cables, where the body of an exit would oscillate."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-5, **more)
+    with pytest.raises(cdpr.InvalidInput, match=f"winches: found exit_compliance in cable 1 beside {beside}"):
+        cdpr.to_mjcf(robot, robot.home, winches=True)
+    with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
+        cdpr.to_mjcf(robot, robot.home, damping="none")
 
 
 def test_compiled_and_interpreted_equilibria_are_equal_to_the_last_bit(monkeypatch):

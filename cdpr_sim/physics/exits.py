@@ -19,6 +19,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.number_format import LEAST_INERTIA, add, add_inertia
 
@@ -33,6 +35,22 @@ DIFFERENCE = 1e-6
 
 ROUNDING = 1e-15
 """Step that changes nothing but rounding, as a fraction of the mean cable length."""
+
+
+def refuse_wound(cabling: Cabling) -> None:
+    """Refuse models with winches of exits that give way beside mass or a nonlinear law.
+
+    Chains become unstable in time steps with the light bodies of exits; and drums do not move with these.
+
+    Raises:
+        InvalidInput: some cable gives way, and some has mass or a nonlinear law.
+    """
+    if not cabling.rigid_exits and not (cabling.massless and cabling.linear):
+        cable, beside = int(np.argmax(cabling.moving_exits)), "stiffening" if cabling.massless else "linear_density"
+        raise InvalidInput(
+            f"winches: found exit_compliance in cable {cable + 1} beside {beside}, expected one of them in a model "
+            "with winches; drive and track take both"
+        )
 
 
 def holder(world: ET.Element, robot: Robot, cable: int) -> tuple[ET.Element, Float[np.ndarray, "3"]]:
@@ -67,9 +85,9 @@ class Slides:
     dofs: Int[np.ndarray, "cables 3"]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, cables: int) -> Slides:
-        """The indices, by name."""
-        names = [[f"frame_{cable}_{axis}" for axis in "xyz"] for cable in range(1, cables + 1)]
+    def of(cls, model: mujoco.MjModel, cables: int, prefix: str = "") -> Slides:
+        """The indices, by name, in a model of so many ``cables``; all names begin with ``prefix``."""
+        names = [[f"{prefix}frame_{cable}_{axis}" for axis in "xyz"] for cable in range(1, cables + 1)]
         kind = mujoco.mjtObj.mjOBJ_JOINT.value
         joints = np.array([[mujoco.mj_name2id(model, kind, name) for name in three] for three in names])
         some = joints >= 0
