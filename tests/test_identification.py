@@ -420,4 +420,4 @@ def test_unknowns_that_look_alike_are_named_in_one_sentence_for_each_group():
     reasons = certainty(slope, list("abcdefg"), [(np.inf, "")] * 7)[2]
     first, second = (one for one in reasons if "hardly distinguish" in one)
     assert first.startswith("the data hardly distinguish a, b, c, d and e: correlations up to +")
-    assert second.startswith("the data hardly distinguish f and g: correlation -0.99")
+    assert second.startswith("the data hardly distinguish f and g: correlation -1.0000")
