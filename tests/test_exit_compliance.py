@@ -1,5 +1,6 @@
 """Exits that give way (``exit_compliance``): closed forms in statics and in MuJoCo, limits, and what refuses them."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -72,6 +73,73 @@ def test_a_small_compliance_acts_in_proportion(solve):
     small, tenth = (solve(robot.replace(exit_compliance=c), pose).position - rigid for c in (1e-6, 1e-7))
     assert np.abs(small).max() > 1e2 * EXACT
     assert np.abs(small - 10 * tenth).max() < 1e-2 * np.abs(small).max()
+
+
+class Lowered:
+    """A controller whose winch lets out a millimetre at once."""
+
+    def start(self, reference):
+        return np.array([2.0])
+
+    def command(self, time, pose, measurement):
+        return np.array([2.001])
+
+
+def decay(compliance: float, damping: float) -> complex:
+    """Complex angular frequency [1/s] of a mass that was lowered on a plumb cable, by linear prediction."""
+    robot = hung([(0, 0, 3)], [(0, 0, 0)], exit_compliance=(0, 0, compliance), mobility="planar")
+    motion = cdpr.track(robot, [(0, 0, 1)], Lowered(), seconds=3, rate=50, damping=0, cable_damping=damping)
+    z = motion.positions[2:, 2]
+    past = np.stack([z[1:-1], z[:-2], np.ones(len(z) - 2)], axis=1)
+    two = np.linalg.lstsq(past, z[2:], rcond=None)[0]
+    return complex(np.log(np.roots([1, -two[0], -two[1]]).astype(complex))[0] * 50)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 1e-3, 4e-3])
+def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
+    """A mass on a spring k with the damper c k, and the frame's spring in series: m s² + 1/(1/(k (1 + c s)) + C) = 0.
+
+    With the whole motion in the damper, oscillations would decay up to nine times as fast.
+    """
+    k, c = EA / 2.0, 2e-3
+    # m s² (1 + C k (1 + c s)) + k (1 + c s) = 0
+    roots = np.roots([MASS * compliance * k * c, MASS * (1 + compliance * k), k * c, k])
+    expected = roots[np.argmax(roots.imag)]
+    found = decay(compliance, c)
+    assert abs(found.imag) == pytest.approx(expected.imag, rel=1e-3)
+    assert found.real == pytest.approx(expected.real, rel=2e-2)
+    assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
+
+
+def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
+    """Stepped, the platform comes to the equilibrium of its lengths; reset there, nothing is unbalanced."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], pulley_radius=0.01)
+    wanted = robot.rest_lengths(np.add(robot.home, [0.03, 0.0, 0.02]))
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
+    data = mujoco.MjData(model)
+    data.ctrl = cdpr.winch_controls(robot, robot.home, wanted)
+    mujoco.mj_step(model, data, nstep=round(10 / model.opt.timestep))
+    solved = cdpr.solve(robot, robot.home, wanted)
+    np.testing.assert_allclose(data.body("platform").xpos, solved.position, rtol=0, atol=EXACT)
+    rigid = cdpr.solve(robot.replace(exit_compliance=0), robot.home, wanted)
+    assert np.abs(rigid.position - solved.position).max() > 1e3 * EXACT
+    cdpr.reset(model, data, solved.pose, rest_lengths=wanted)
+    left = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    assert np.abs(left).max() < 1e-8 * robot.weight
+    with pytest.raises(cdpr.InvalidInput, match="pretension: found exits that give way"):
+        cdpr.reset(model, data, solved.pose, pretension=1.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
+)
+def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
+    """And so are dampers of cables, where the body of an exit would oscillate."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-5, **more)
+    with pytest.raises(cdpr.InvalidInput, match=f"winches: found exit_compliance in cable 1 beside {beside}"):
+        cdpr.to_mjcf(robot, robot.home, winches=True)
+    with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
+        cdpr.to_mjcf(robot, robot.home, damping="none")
 
 
 def test_one_number_stands_for_three():

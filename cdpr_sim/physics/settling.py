@@ -209,8 +209,7 @@ class Settling:
         simulations.residuals(simulations.all)
         simulations.lay(simulations.all, simulations.expected_pulls(simulations.all))
         self.run(simulations.all)
-        still = simulations.held or bool(simulations.frames)  # motions have exits that do not move
-        for attempt in range(0 if still else TRIES):
+        for attempt in range(0 if simulations.held else TRIES):
             left = np.flatnonzero(self.status != Status.CONVERGED)
             with np.errstate(over="ignore", invalid="ignore"):  # of a motion that becomes unstable
                 for row in left.tolist():

@@ -40,7 +40,7 @@ from cdpr_sim.physics.chains import (
     profiles,
     straight,
 )
-from cdpr_sim.physics.exits import Slides, refuse_memory_and_mass
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -792,11 +792,10 @@ def simulations_of(
         threads: 0 for one per processor.
 
     Raises:
-        InvalidInput: a mass per problem, since all rows have one model; exits that give way beside mass and memory.
+        InvalidInput: a mass per problem, since all rows have one model.
     """
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
-    refuse_memory_and_mass(robot.cabling)
     reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
     found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():
@@ -847,7 +846,8 @@ def _prepared(model: mujoco.MjModel, robot: Robot, sinks: bool) -> Indices:
         angular = slice(3, 6) if len(robot.free) == 6 else slice(2, 3)
         model.dof_armature[angular] = TURNING * _inertia(robot)[angular]
         frames = Slides.of(model, robot.cables)
-        model.dof_armature[frames.dofs[frames.some]] = IMMOVABLE  # by time steps; they move between them
+        dofs = frames.dofs[frames.some]
+        model.dof_armature[dofs] = model.dof_M0[dofs] = IMMOVABLE  # by time steps; they move between them
     model.dof_armature[swivels.dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     if sinks:
         mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses
