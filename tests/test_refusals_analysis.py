@@ -175,7 +175,6 @@ REFUSED = [
             lambda: unchecked(cdpr.drive)(robot("cogiro"), POSES, states=2.5),
             lambda: unchecked(cdpr.drive)(robot("cogiro"), 3),
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=0),
-            lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=np.nan),
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=1e300),
             lambda: cdpr.release(cdpr.solve(robot("cogiro"), POSES[0]), seconds=1e300),
             lambda: cdpr.clearances(robot("cogiro"), POSES).free(np.nan),
