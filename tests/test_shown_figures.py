@@ -180,6 +180,20 @@ def test_layouts_are_drawn_as_they_settled_in_the_worst_case(monkeypatch):
     assert one is other
 
 
+def test_a_robot_that_settles_nowhere_has_words_in_place_of_a_picture(monkeypatch):
+    """As one whose poses lie above its exits, before these are moved up: MuJoCo has no pose of it at all."""
+    true = drawn_figures.validation()
+    rest = true.before.settled
+    none = {name: np.nan * getattr(rest, name) for name in ("positions", "rotations", "lengths", "tensions")}
+    nowhere = dataclasses.replace(rest, **none, status=np.full(3, int(cdpr.Status.FALLS)))
+    before = dataclasses.replace(true.before, settled=nowhere, each=np.full(3, np.nan), score=np.nan)
+    monkeypatch.setattr(drawn_figures, "validation", lambda *_: dataclasses.replace(true, before=before))
+    _, old, _, new, *_ = drawn_figures.picture().axes
+    assert [text.get_text() for text in old.texts] == ["no equilibrium"]
+    assert not old.images
+    assert new.images
+
+
 # What a reader sees
 
 
