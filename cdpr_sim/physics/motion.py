@@ -166,9 +166,11 @@ class Motion:
         self._rates = self._still = np.zeros(self.robot.cables)
         self._evaluated = self._qvel.copy(), self.longest
         moving = np.flatnonzero(simulation.frames.some.any(1))
-        self._moving, self._softness = moving, self.robot.exit_compliance[moving]
+        self._moving = moving
         self._led = simulation.first[moving]  # the tendons that leave moving exits
         self._slides, self._coordinates = simulation.frames.dofs[moving], simulation.frames.coordinates[moving]
+        springs = model.jnt_stiffness[model.dof_jntid[self._slides]]
+        self._softness = np.divide(1.0, springs, out=np.zeros(springs.shape), where=self._slides >= 0)
         self._gives = np.zeros(model.ntendon)  # by how much exits give way along their tendons [m/N]
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
