@@ -355,11 +355,6 @@ class Cabling(Cables, Frozen):
         return not self.nonlinear.any()
 
     @cached_property
-    def bent(self) -> bool:
-        """Whether some cable runs over a pulley or has a nonlinear law: compiled code has a type for them."""
-        return bool(self.pulleys.any()) or not self.linear
-
-    @cached_property
     def has_memory(self) -> Bool[np.ndarray, " cables"]:
         """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)

@@ -283,7 +283,7 @@ def lengths(
     np.subtract(exits.swapaxes(-1, -2), chords, out=chords)
     coordinates = chords[..., 0, :], chords[..., 1, :], chords[..., 2, :]
     found = path(*coordinates)[0]
-    if cabling.bent and cabling.pulleys.any():
-        over = cabling.pulleys
+    over = cabling.pulleys
+    if over.any():
         found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in coordinates))[0]
     return found
