@@ -28,6 +28,7 @@ from cdpr_sim.core.property import (
     Property,
     Step,
     above_0,
+    but,
     declarations,
     declared,
     from_0,
@@ -81,6 +82,9 @@ STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
 beyond."""
 
+
+KEPT: tuple[Method, ...] = ("statics", "simulation", "motion", "closed form")
+"""Methods that take a memory into account, or most of it (``Cabling.refuse_memory``)."""
 
 LEAST_STRAIN = 1e-5
 """Strain for the scale of steps of the density where there is less."""
@@ -173,7 +177,8 @@ class Cables:
     )
     linear_density: Float[np.ndarray, " cables"] = declared(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
-        "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)), known_to=EVERY,
+        "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)),
+        known_to=but("proof of completeness", "learning", "closed form"),
         label="mass per length of cable {cable}", step=Step(_step_of_density, least=True),
         example=("0.002", 'kg/m, or "material"; default: massless cables'),
         said=("{} g/m", lambda cabling: 1e3 * cabling.linear_density),
@@ -238,20 +243,20 @@ class Cables:
     )
     pulley_friction: Float[np.ndarray, " cables"] = declared(
         "Fraction c of the tension that is lost at the exit.",
-        "", 0.0, checks=(within(0, MOST_FRICTION),), memory=True, known_to=("statics", "simulation"),
+        "", 0.0, checks=(within(0, MOST_FRICTION),), memory=True, known_to=KEPT,
         example=("0.02", "fraction of the tension that is lost at the exit"),
         said=("{} % friction at the exit", lambda cabling: 100 * cabling.pulley_friction),
     )
     hysteresis: Float[np.ndarray, "cables elements 3"] = declared(
         "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
         "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
-        "", (), none=NO_ELEMENT, checks=(_yielding,), memory=True, known_to=("statics", "simulation"),
+        "", (), none=NO_ELEMENT, checks=(_yielding,), memory=True, known_to=KEPT,
         example=("[[0.1, 1e-3]]", "[fraction of EA, yield strain] of each element"),
         said=("{} % of EA with hysteresis", lambda cabling: 100 * cabling.hysteresis[..., 0].sum(-1)),
     )
     creep: Float[np.ndarray, "cables terms 2"] = declared(
         "Terms [EA1, tau1]: the tension T makes the cable longer by the strain T/EA1 (1 - exp(-t/tau1)).",
-        "N, s", (), none=NO_TERM, checks=(_in_finite_time,), memory=True, known_to=("statics", "simulation"),
+        "N, s", (), none=NO_TERM, checks=(_in_finite_time,), memory=True, known_to=KEPT,
         example=("[[400e3, 600]]", "[EA1 in N, time in s] of each term"),
         said=(
             "{} % of the stretch as creep",
@@ -325,19 +330,6 @@ class Cabling(Cables, Frozen):
     def rigid_exits(self) -> bool:
         """Whether no exit gives way."""
         return not self.moving_exits.any()
-
-    def refuse_compliance(self, what: str) -> None:
-        """Refuse exits that give way, where that is not taken into account.
-
-        Raises:
-            InvalidInput: some cable has one.
-        """
-        if not self.rigid_exits:
-            cable = int(np.argmax(self.moving_exits))
-            raise InvalidInput(
-                f"{what}: found exit_compliance in cable {cable + 1}, expected exits that do not move: the frame's "
-                "compliance is not taken into account here; it is in solve, settle, solve_path, settle_path and sweep"
-            )
 
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
@@ -468,18 +460,6 @@ class Cabling(Cables, Frozen):
             if least:
                 where, expected = f" in cable {cable + 1}", f"its rigid_length, {least:g} m"
             raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m{where}, expected more than {expected}")
-
-    def refuse_weight(self, what: str) -> None:
-        """Refuse cables with mass, where mass is not taken into account.
-
-        Raises:
-            InvalidInput: some cable has mass.
-        """
-        if not self.massless:
-            raise InvalidInput(
-                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: their mass "
-                "is not taken into account here"
-            )
 
     def beyond_law(
         self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]

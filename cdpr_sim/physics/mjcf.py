@@ -130,7 +130,7 @@ def to_mjcf(
     robot.cabling.refuse_unknown("simulation")
     robot.cabling.refuse_memory()
     if kind or not settling:
-        robot.cabling.refuse_compliance("winches" if kind else "damping")
+        robot.cabling.refuse_unknown("motion", "winches" if kind else "damping")
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")

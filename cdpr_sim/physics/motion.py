@@ -101,7 +101,7 @@ class Motion:
         row: int = 0,
     ) -> None:
         self.simulation, self.robot, self.row, self.longest = simulation, simulation.robot, row, float(longest)
-        self.robot.cabling.refuse_compliance("robot")
+        self.robot.cabling.refuse_unknown("motion")
         self._cable_damping, self._damping_time = cable_damping, damping_time
         simulation.residuals(np.array([row]))
         self.model = model = simulation.batch.get_model(row)
