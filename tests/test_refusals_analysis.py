@@ -134,7 +134,7 @@ REFUSED = [
         closed_form(exits=robot("two-cable").exits[::-1], anchors=robot("two-cable").anchors[::-1]),
         "expected a planar bar on two cables",
     ),
-    (closed_form(pulley_radius=0.01), "found a pulley in cable 1"),
+    (closed_form(pulley_radius=0.01), "found pulley_radius in cable 1"),
     (certify_all(linear_density=0.01), "found linear_density in cable 1"),
     (certify_all(gravity=0), "no load"),
     beside(cdpr.certify_all, "rest_lengths", rest_lengths=[0.5] * 4),

@@ -192,7 +192,7 @@ class Cables:
     )
     pulley_radius: Float[np.ndarray, " cables"] = declared(
         "Radius of the wheel; 0 is a point.",
-        "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=EVERY,
+        "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=but("closed form"),
         step=Step(lambda robot, strain, length: robot.pulley_radius, path=True),
         example=("0.02", "m"), said=("over pulleys of {} mm radius", lambda cabling: 1e3 * cabling.pulley_radius),
     )
@@ -217,7 +217,7 @@ class Cables:
     )
     winch_to_exit: Float[np.ndarray, " cables"] = declared(
         "Length of rope between the winch and the exit; it stretches with the cable.",
-        "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
+        "m", 0.0, checks=(from_0, near), known_to=but("closed form"), step=Step(lambda robot, strain, length: length),
         example=("6", "m of rope between winch and exit, which also stretches"),
         said=("{} m from winch to exit", lambda cabling: cabling.winch_to_exit),
     )
@@ -238,7 +238,8 @@ class Cables:
     )
     reeving: Int[np.ndarray, " cables"] = declared(
         "Parts of line between exit and platform, a whole number.",
-        "", 1, checks=(_whole_parts,), known_to=EVERY, example=("2", "parts of line between exit and platform"),
+        "", 1, checks=(_whole_parts,), known_to=but("closed form"),
+        example=("2", "parts of line between exit and platform"),
         said=("{} parts of line", lambda cabling: cabling.reeving.astype(float)),
     )
     pulley_friction: Float[np.ndarray, " cables"] = declared(
@@ -406,16 +407,6 @@ class Cabling(Cables, Frozen):
     def tensions(self, pulls: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch cables"]:
         """Of the forces on the platform, with all parts of line, the tensions of ropes, (..., cables) [N]."""
         return pulls / self.reeving
-
-    @cached_property
-    def reeved(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables have rope behind their exit or several parts of line, (cables,)."""
-        return self.has("winch_to_exit") | self.has("reeving")
-
-    @cached_property
-    def direct(self) -> bool:
-        """Whether every cable is wound at its exit and has one part of line."""
-        return not self.reeved.any()
 
     @cached_property
     def behind(self) -> Float[np.ndarray, " cables"]:

@@ -175,7 +175,7 @@ def in_words(cabling: Cabling) -> tuple[str, str]:
     """The formula of the tension in a model's description; and what its winches add to lengths, "" for nothing."""
     parts, whole, said, added = "", "l0", [], ""
     rigid = bool(cabling.has("rigid_length").any())
-    if not cabling.direct:
+    if (cabling.has("winch_to_exit") | cabling.has("reeving")).any():
         parts, whole, said = "n ", "l0 + g/n", ["n parts of line and g from winch to exit"]
         added = "With a rope g from winch to exit and n parts of line, g/n is added to L and l0."
     if rigid:
