@@ -198,7 +198,7 @@ INVALID = [
     # Tasks.
     (lambda _: task(control=(9,)), "control: found 9"),
     (lambda _: task(domain={"mass": 1.5}), "mass: found 1.5"),
-    (lambda _: task(robot=STEEL), "found cables of 0.0005 kg/m"),
+    (lambda _: task(robot=STEEL), "found linear_density in cable 1"),
     (lambda _: task(robot=NONLINEAR), "found cable 1 with nonlinear elasticity"),
     (lambda _: task(seconds=0.1).unwrapped.step(np.zeros(8)), "step: found no episode, expected reset"),
     (lambda _: begun().unwrapped.step(np.full(8, np.nan)), "action: found a number that is not finite"),

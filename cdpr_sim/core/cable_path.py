@@ -132,11 +132,15 @@ def wheel_paths(
     z: Float[np.ndarray, "*batch pulleys"],
 ) -> Float[np.ndarray, "10 *batch pulleys"]:
     """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path."""
-    over = cabling.pulleys
-    ex, ey, ez = cabling.pulley_axis[over].T
-    with np.errstate(invalid="ignore", divide="ignore"):
-        *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+    *found, clear = _over_wheels(cabling, x, y, z)
     return np.where(clear >= 0, np.array(found), np.nan)
+
+
+def _over_wheels(cabling: Cabling, *chords: Float[np.ndarray, "*batch pulleys"]) -> tuple[np.ndarray, ...]:
+    """Results of ``pulley_path`` for each cable over a pulley."""
+    over = cabling.pulleys
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return pulley_path(*chords, *cabling.pulley_axis[over].T, cabling.pulley_radius[over])
 
 
 def wrapped_lengths(
@@ -145,6 +149,9 @@ def wrapped_lengths(
     """What lies on each cable's wheel [m], by where its exit is from its anchor; 0 where it has no path."""
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
 
+
+PIECE = 500
+"""Poses at which paths over wheels are computed at once: then intermediate results stay in the processor's cache."""
 
 MOVES = 30
 """Newton steps for the moves of exits; three or four do."""
@@ -283,7 +290,11 @@ def lengths(
     np.subtract(exits.swapaxes(-1, -2), chords, out=chords)
     coordinates = chords[..., 0, :], chords[..., 1, :], chords[..., 2, :]
     found = path(*coordinates)[0]
-    if cabling.bent and cabling.pulleys.any():
-        over = cabling.pulleys
-        found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in coordinates))[0]
+    over = cabling.pulleys
+    if over.any():
+        rows = np.array(coordinates)[..., over].reshape(3, -1, over.sum())
+        for first in range(0, rows.shape[1], PIECE):
+            length, *_, clear = _over_wheels(cabling, *rows[:, first : first + PIECE])
+            rows[0, first : first + PIECE] = np.where(clear >= 0, length, np.nan)
+        found[..., over] = rows[0].reshape(*found.shape[:-1], -1)
     return found
