@@ -14,6 +14,7 @@ import sys
 import numpy as np
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.video.writing import checked_file
 
 ROBOT = "ipanema-1"
 PRETENSIONS = (90.0, 150.0, 300.0, 600.0)  # [N]; the limit of the winches is 720 N
@@ -34,6 +35,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Settle IPAnema 1 with different pretensions.")
     parser.add_argument("--video", metavar="FILE", help="write a video of a drive along x as well (.mp4 or .gif)")
     video = parser.parse_args().video
+    if video:
+        checked_file(video)
     agree = True
     print("pretension  load              deviation  rotation  slack cables  lowest stiffness  MuJoCo and Newton")
     for (name, load), pretension in itertools.product(LOADS.items(), PRETENSIONS):

@@ -13,6 +13,7 @@ import sys
 import numpy as np
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.video.writing import checked_file
 
 ROBOT = "planar-horizontal"
 MATERIALS = ("vectran-0.7mm", "fishing-0.4mm")  # EA: 10 kN (assumed) and 1 kN
@@ -32,6 +33,8 @@ def main() -> int:
         "--video", metavar="FILE", help="write a video of a drive along the line as well (.mp4 or .gif)"
     )
     video = parser.parse_args().video
+    if video:
+        checked_file(video)
     agree = True
     for material, z in itertools.product(MATERIALS, HEIGHTS):
         robot, line = cdpr.load_robot(ROBOT).replace(material=material), [(x, Y, z) for x in X]

@@ -13,6 +13,7 @@ import sys
 import numpy as np
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.video.writing import checked_file
 
 ROBOTS = ("cogiro", "parallel")
 POSE = (0.3, 0.25, 0.1)  # [m]
@@ -37,6 +38,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Settle DemoBot with the properties of real cables.")
     parser.add_argument("--video", metavar="FILE", help="write a video of a drive with all properties (.mp4 or .gif)")
     video = parser.parse_args().video
+    if video:
+        checked_file(video)
     agree = True
     for name in ROBOTS:
         print(f"\n{name}, commanded to {POSE} m")

@@ -14,6 +14,7 @@ import sys
 import numpy as np
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.video.writing import checked_file
 from cdpr_sim.statics import two_cable_closed_form
 
 ROBOT = "two-cable"
@@ -35,6 +36,8 @@ def main() -> int:
         "--video", metavar="FILE", help="write a video of a drive along the line as well (.mp4 or .gif)"
     )
     video = parser.parse_args().video
+    if video:
+        checked_file(video)
     agree = True
     for material, z in itertools.product(MATERIALS, HEIGHTS):
         robot, line = cdpr.load_robot(ROBOT).replace(material=material), [(x, Y, z) for x in X]

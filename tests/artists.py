@@ -152,13 +152,17 @@ def lettered(text: Text) -> str:
     return how + (f" on {_fill(box)}" if box is not None else "")
 
 
+def key_of(artist: Artist) -> str:
+    """What stands beside a word of a legend; "" for nothing."""
+    if isinstance(artist, Line2D):
+        return described(artist)
+    return _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
+
+
 def _legend(one: Legend) -> Iterator[str]:
     yield f"legend at {one._loc}, {one._ncols} columns, size{one.get_texts()[0].get_fontsize():g}{in_front(one)}"
     for word, artist in zip(one.get_texts(), one.legend_handles, strict=True):
-        how = _fill(artist) if isinstance(artist, Patch) else type(artist).__name__
-        if isinstance(artist, Line2D):
-            how = described(artist)
-        yield f"  “{word.get_text()}”: {how}"
+        yield f"  “{word.get_text()}”: {key_of(artist)}"
 
 
 def _axis(ax: Axes, name: str) -> str:

@@ -26,7 +26,7 @@ DOORS = {
 
 BEYOND_BEARTYPE = {
     "core.plausibility",  # its warnings count frames
-    "drawing.axes", "drawing.video.frame_layout",  # arrays among sequences
+    "drawing.figures", "drawing.video.frame_layout",  # arrays among sequences
     "report.table_style",  # Rich's own types
     "core.equilibrium",  # fields that are read in another type than they may be given in
     "core.materials",  # its check of a dict draws random numbers, which Hypothesis refuses while it draws a robot

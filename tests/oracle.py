@@ -214,7 +214,10 @@ class Ropes:
 
 
 def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(tension vectors at the exit, at the anchor) of cables with mass that end at their anchors, by shooting."""
+    """(tension vectors at the exit, at the anchor) of cables with mass that end at their anchors, by shooting.
+
+    The span is that from the exit before the frame gives way, by the tension at the exit.
+    """
     rig, rest = ropes.rig, ropes.rest
     r, axis, weight, wrapped = (
         rig.pulley_radius,
@@ -236,6 +239,7 @@ def hanging(ropes: Ropes, span: np.ndarray, near: np.ndarray | None = None) -> t
         strain = ropes.strain(T)
         straight = wrapped * (1 + strain) + ropes.stretched(T) - rest * strain - r * angle
         end = r[:, None] * ((1 - cosine)[..., None] * n + sine[..., None] * axis) + straight[..., None] * u
+        end = end + rig.exit_compliance * f
         # dr = (1 + eps) f/|f| dS with f = f0 + w S up: along S where nearly straight, else along q with f_z = H sinh q.
         H, below = np.maximum(np.hypot(f[..., 0], f[..., 1]), 1e-9 * weight * free), f[..., 2]
         q0, q1 = np.arcsinh(below / H), np.arcsinh((below + weight * free) / H)
@@ -318,20 +322,14 @@ def balance(
     span = position[..., None, :] + arms - rig.exits
     some = np.asarray(rig.linear_density) > 0
 
-    def hung(span: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lengths, pulls on the anchors, and tension vectors at the exits."""
-        theta, s, leaving = over_wheel(rig, span)
-        lengths = rig.pulley_radius * theta + s
-        leaves = ropes.pulling(lengths - ropes.full)[..., None] * leaving
-        pulls = -leaves
-        if some.any():
-            part = Ropes(rig.only(some), ropes.full[some], ropes.old.only(some), ropes.seconds)
-            start = None if near is None else near.leaves[..., some, :]
-            leaves[..., some, :], ends = hanging(part, span[..., some, :], start)
-            pulls[..., some, :] = -ends
-        return lengths, pulls, leaves
-
-    lengths, pulls, leaves = hung(span - exit_moves(rig, lambda span: hung(span)[2], span))
+    moves, start = exit_moves(rig, ropes, span), None if near is None else near.leaves[..., some, :]
+    lengths, leaves = without_mass(rig, ropes, span - moves)
+    pulls = -leaves
+    if some.any():
+        part = Ropes(rig.only(some), ropes.full[some], ropes.old.only(some), ropes.seconds)
+        leaves[..., some, :], ends = hanging(part, span[..., some, :], start)
+        pulls[..., some, :] = -ends
+        lengths, _ = without_mass(rig, ropes, span - np.where(some[:, None], rig.exit_compliance * leaves, moves))
     at_exit = np.linalg.norm(leaves, axis=-1)
     tensions = np.linalg.norm(pulls, axis=-1) / rig.reeving
     weight = -rig.mass * rig.gravity * UP
@@ -344,19 +342,30 @@ def balance(
     return Answer(wrench + load, tensions, lengths, pulls, at_exit, np.where(some, slack, tensions <= 0), leaves)
 
 
-def exit_moves(rig: Rig, leaves, span: np.ndarray) -> np.ndarray:
-    """How the frame gives way under the tension vectors at the exits, which it changes: Newton's method."""
-    moves, h = np.zeros(span.shape), 1e-6 * np.linalg.norm(span, axis=-1).max()
-    for _ in range(30 if rig.exit_compliance.any() else 0):
-        missed = rig.exit_compliance * leaves(span - moves) - moves
-        slopes = [(leaves(span - moves - h * e) - leaves(span - moves + h * e)) / (2 * h) for e in np.eye(3)]
-        by_move = np.eye(3) - rig.exit_compliance[..., :, None] * np.stack(slopes, axis=-1)
-        step = np.linalg.solve(by_move, missed[..., None])[..., 0]
+def without_mass(rig: Rig, ropes: Ropes, span: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(length, tension vector at the exit) of massless cables."""
+    theta, s, leaving = over_wheel(rig, span)
+    lengths = rig.pulley_radius * theta + s
+    return lengths, ropes.pulling(lengths - ropes.full)[..., None] * leaving
+
+
+def exit_moves(rig: Rig, ropes: Ropes, span: np.ndarray) -> np.ndarray:
+    """How the frame gives way under massless cables, whose tension vectors that changes: Newton's method."""
+    moves, h, size = np.zeros(span.shape), 1e-6 * np.linalg.norm(span, axis=-1).max(), np.abs(span).max()
+    soft = np.where(np.asarray(rig.linear_density)[:, None] > 0, 0.0, rig.exit_compliance)
+    asked = np.concatenate([np.zeros((1, 3)), h * np.eye(3), -h * np.eye(3)]).reshape(
+        (7,) + (1,) * (span.ndim - 1) + (3,)
+    )
+    for _ in range(30 if soft.any() else 0):
+        leaves = without_mass(rig, ropes, span - moves - asked)[1]
+        slopes = np.moveaxis(leaves[1:4] - leaves[4:], 0, -1) / (2 * h)
+        by_move = np.eye(3) - soft[..., None] * slopes
+        step = np.linalg.solve(by_move, (soft * leaves[0] - moves)[..., None])[..., 0]
         moves = moves + step
-        if np.abs(step).max() < 1e-15 * np.abs(span).max():
+        if np.abs(step).max() < 1e-15 * size:
             break
     else:
-        assert not rig.exit_compliance.any() or np.abs(step).max() < 1e-12 * np.abs(span).max()
+        assert not soft.any() or np.abs(step).max() < 1e-12 * size
     return moves
 
 

@@ -6,7 +6,6 @@ import pytest
 from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import compiling
 from cdpr_sim.robots.robot_file_text import as_toml
 
 EXACT = 1e-9
@@ -39,19 +38,6 @@ def test_a_mass_on_a_plumb_cable_sinks_by_the_stretch_and_the_frames_own(solve):
     expected = MASS * G * (2.0 / EA + 3e-3)
     assert sunk(solve, (1e-4, 2e-4, 3e-3)) == pytest.approx(expected, abs=EXACT)
     assert sunk(solve, (1e-4, 2e-4, 3.03e-3)) != pytest.approx(expected, abs=EXACT)
-
-
-@pytest.mark.parametrize("law", [{}, {"reeving": 2}])
-def test_the_same_compliance_in_all_directions_is_rope_behind_the_exit(solve, law):
-    """Of straight massless cables: c n EA more of it, n parts of line pulling at the exit, each with its share."""
-    robot = cdpr.load_robot("cogiro").replace(**law)
-    pose, parts = np.append(np.add(robot.home, [0.05, 0.05, 0.02]), [0.02, 0.01, 0.0]), law.get("reeving", 1)
-    given = solve(robot.replace(exit_compliance=3e-5), pose)
-    same = solve(robot.replace(winch_to_exit=3e-5 * parts**2 * robot.axial_stiffness), pose)
-    np.testing.assert_allclose(given.position, same.position, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(given.rotation_matrix, same.rotation_matrix, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(given.tensions, same.tensions, rtol=0, atol=1e-7 * robot.weight)
-    assert np.abs(given.position - solve(robot, pose).position).max() > 1e3 * EXACT
 
 
 def mirrored(compliance: float) -> tuple[cdpr.Robot, float]:
@@ -87,38 +73,6 @@ def test_a_small_compliance_acts_in_proportion(solve):
     small, tenth = (solve(robot.replace(exit_compliance=c), pose).position - rigid for c in (1e-6, 1e-7))
     assert np.abs(small).max() > 1e2 * EXACT
     assert np.abs(small - 10 * tenth).max() < 1e-2 * np.abs(small).max()
-
-
-def test_exits_that_are_free_sideways_hang_plumb_above_their_anchors():
-    """The limit of an infinite compliance along x: each of two cables carries half the weight straight down."""
-    anchors = [(-0.1, 0, 0), (0.1, 0, 0)]
-    robot = hung([(-1.5, 0, 3), (1.5, 0, 3)], anchors, exit_compliance=(1e5, 0, 0), mobility="planar")
-    found = cdpr.solve(robot, (0, 0, 1.6), [2.0, 2.0])
-    np.testing.assert_allclose(found.position, (0, 0, 3 - 2 * (1 + MASS * G / 2 / EA)), atol=1e-5)
-    np.testing.assert_allclose(found.tensions, MASS * G / 2, rtol=1e-5)
-
-
-MASS_OF_SOME = {"linear_density": [0.02, 0.0] * 4}
-REMEMBERS = {"hysteresis": [(0.1, 1e-3)], "pulley_friction": 0.03}
-
-
-def mixed(**properties):
-    return cdpr.load_robot("cogiro").replace(
-        exit_compliance=[[1e-5, 0, 3e-5]] * 4 + [[0, 0, 0], [2e-5, 2e-5, 2e-5], [0, 1e-5, 0], [0, 0, 0]],
-        pulley_radius=[0.01, 0.01, 0, 0] * 2, reeving=[1, 1, 1, 2] * 2, winch_to_exit=0.2, rigid_length=0.02,
-        **properties,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("more", [MASS_OF_SOME, REMEMBERS, MASS_OF_SOME | REMEMBERS], ids=["mass", "memory", "both"])
-def test_both_methods_agree_where_everything_is_mixed(more):
-    """Wheels, parts of line, rigid ends, mass, memory, and both."""
-    robot = mixed(**more)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    one, other = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
-    np.testing.assert_allclose(one.position, other.position, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(one.lengths, other.lengths, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(one.tensions, other.tensions, rtol=0, atol=1e-8 * robot.weight)
 
 
 class Lowered:
@@ -186,19 +140,6 @@ def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
         cdpr.to_mjcf(robot, robot.home, winches=True)
     with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
         cdpr.to_mjcf(robot, robot.home, damping="none")
-
-
-def test_compiled_and_interpreted_equilibria_are_equal_to_the_last_bit(monkeypatch):
-    """Of cables with and without wheels and mass."""
-    robot = cdpr.load_robot("cogiro").replace(
-        exit_compliance=[1e-5, 0, 3e-5], linear_density=[0.02, 0.0] * 4, pulley_radius=[0.01, 0.01, 0, 0] * 2
-    )
-    poses = robot.home + np.random.default_rng(1).uniform(-0.05, 0.05, (150, 3))
-    compiled = cdpr.solve_many(robot, poses)
-    monkeypatch.setattr(compiling, "INTERPRETED", True)
-    interpreted = cdpr.solve_many(robot, poses[140:])
-    for name in ("positions", "rotations", "tensions", "lengths", "residuals"):
-        np.testing.assert_array_equal(getattr(compiled, name)[140:], getattr(interpreted, name))
 
 
 def test_one_number_stands_for_three():

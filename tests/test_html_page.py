@@ -48,7 +48,7 @@ def text(found) -> str:
 @pytest.fixture
 def without_pictures(monkeypatch) -> None:
     """Maps are drawn and not encoded, which takes most of a page's time."""
-    monkeypatch.setattr("cdpr_sim.drawing.axes.encoded", lambda *_: b"")
+    monkeypatch.setattr("cdpr_sim.drawing.figures.encoded", lambda *_: b"")
 
 
 def test_the_page_is_one_file_that_asks_for_nothing(text):

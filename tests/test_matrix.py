@@ -1128,6 +1128,7 @@ def test_one_percent_of_each_property_fails_the_judgement(name) -> None:
     """Negative control: the answer for the robot is not that for one with 1 % more, in some case at least."""
     row = ROWS[name]
     asked = [at for at in cases_of(CONTROLLED, row) if not any(names <= at.names for names in row.refuses)]
+    asked.sort(key=lambda at: len(at.names))  # the quickest first
     for column, (_, attributes) in COLUMNS.items():
         with_it = [at for at in asked if column in at.names]
         for attribute in attributes if with_it and column not in row.blind else ():

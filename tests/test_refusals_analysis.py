@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 from sample_problems import hanging_mass
-from scipy.spatial.transform import RigidTransform
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
@@ -75,17 +74,12 @@ def compared(**changes):
 
 
 REFUSED = [
-    (compensate(tension_limits=(2, 1)), "found a smallest tension of 2 N above the largest, 1 N"),
     (compensate(tension_limits=(-1, 1)), "found a smallest tension of -1 N"),
     (compensate(tension_limits=(0, np.nan)), "above the largest, nan N"),
-    (compensate(tension_limits=(np.nan, 1)), "found a smallest tension of nan N"),
     (compensate(tension_limits=3), "expected \\(smallest, largest\\)"),
     (compensate(tension_limits=(0, [1, 2])), "expected \\(smallest, largest\\)"),
     (compensate(arm=-1), "arm: found -1 m"),
-    (compensate(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
-    (compensate(pose=(0.4, np.nan, 0.1)), "pose: found"),
     (compensate(external_wrench=[1, 2]), "external_wrench: found an array of shape"),
-    (compensate(prefer="stifest"), "did you mean stiffest"),
     beside(cdpr.compensate, "pose", pose=POSE),
     beside(cdpr.compensate, "external_wrench", external_wrench=np.zeros(6)),
     pytest.param(  # one cable cannot carry 20 N with 50 N, wherever the platform goes
@@ -98,27 +92,18 @@ REFUSED = [
         r"N in cable 1, which weighs \S+ N, expected at least what its weight alone gives",
     ),
     (sweep(robots=[]), "robots: found none"),
-    (sweep(robots=["cogiro", "cogiro"]), "found 2 called 'cogiro'"),
-    (sweep(robots="cogira"), "did you mean cogiro"),
     (sweep(materials=[]), "expected at least one"),
     (sweep(materials=["fishing-0.4mm"] * 2), "none twice"),
-    (sweep(materials=["nylon"]), "nylon"),
     (sweep(materials="fishing-0.4mm"), "expected a list"),
     (sweep(materials={"rubber": -1.0}), "more than 0"),
     (sweep(quantities=["tild"]), "did you mean tilt"),
     (sweep(tension_limits=(2, 1)), "tau_min <= tau_max"),
-    (sweep(grid=(0, 1, 1)), "at least 1"),
     (sweep(orientation=(0, 0)), "orientation"),
-    (sweep(robots="two-cable", orientation=(0.1, 0, 0)), "planar"),
-    (sweep(robots="two-cable", external_wrench=[0, 1.0, 0, 0, 0, 0]), "planar"),
     (sweep(external_wrench=[1.0]), "external_wrench"),
     (sweep(chunk=0), "chunk"),
     (lambda: cdpr.sweep("cogiro", poses=[POSE], store="new.nc"), "poses: found them with a store"),
     (lambda: cdpr.sweep("cogiro", (2, 2, 2), poses=[POSE]), "poses: found them besides a grid"),
-    (check(robots="paralel"), "did you mean parallel"),
-    (check(grid=(0, 1, 1)), "at least 1"),
     (check(materials=[]), "at least one"),
-    (check(robots=["cogiro", "two-cable"]), "different workspaces"),
     (check(poses=[]), "poses: found none"),
     (lambda: cdpr.check("cogiro", poses=[POSE]).across(), "axis: found a check of single poses"),
     (compared(pose=(0.31, 0.25, 0.1)), "two problems"),
@@ -139,10 +124,8 @@ REFUSED = [
     (grid("many"), "expected numbers"),
     (grid({"y": [0.1]}, "two-cable"), "planar"),
     (grid((2, 2, 2), "parallel", "planar-vertical"), "different workspaces"),
-    (area("xx"), "expected"),
     (area("q"), "expected"),
     (area("xyz"), "expected"),
-    (area("xz", 1), "expected"),
     (area("xy", of="two-cable"), "expected a plane with an area"),
     (closed_form("planar-vertical"), "expected a planar bar on two cables"),
     (closed_form("parallel"), "expected a planar bar on two cables"),
@@ -156,7 +139,6 @@ REFUSED = [
     (certify_all(gravity=0), "no load"),
     beside(cdpr.certify_all, "rest_lengths", rest_lengths=[0.5] * 4),
     beside(cdpr.certify_all, "external_wrench", external_wrench=np.zeros(6)),
-    (layout(within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
     (layout(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
     (layout(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     (layout(), "within: found none for exits"),
@@ -164,8 +146,6 @@ REFUSED = [
     (layout(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     (layout(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     (layout(move="exit", within=0.1), r"unknown move 'exit': did you mean exits\?"),
-    (layout(within=0.1, objective="worst tlit"), "unknown objective 'worst tlit': did you mean worst tilt or"),
-    (layout(within=0.1, subject_to={"taut": True}), "unknown constraint 'taut'"),
     (layout(move="diameter", within=0.5), "within: found a factor of 0.5"),
     (lambda: layout(move=cdpr.Move("exits", 0.1, cables=(9,)))(), "cables: found cable 9, expected 1 to 8"),
     (layout(within=0.1, stiffness=0), "stiffness: found 0"),
@@ -181,32 +161,14 @@ REFUSED = [
         r"equilibrium at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m",
     ),
     (
-        lambda: group(robot("cogiro"), "mirror-x"),
-        "'mirror-x', which 'cogiro' does not have: the image of cable 1 is",
-    ),
-    (
         lambda: group(robot("parallel").replace(axial_stiffness=[1e4] * 7 + [2e4]), "half-turn"),
         "has other properties than its image",
     ),
     *(
         (ask, "found|do not fit one another")
         for ask in (
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=TURNED),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=np.eye(2)),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=2 * np.eye(3)),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, rotations=np.diag([1, 1, -1])),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, np.ones((2, 8))),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, np.ones(7)),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, external_wrench=np.ones((2, 6))),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, external_wrench=np.ones(5)),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, mass=-1),
-            lambda: cdpr.solve_many(robot("cogiro"), POSES, mass=[1, 2]),
-            lambda: cdpr.solve_many(robot("cogiro"), [[1e300, 0, 0]]),
-            lambda: cdpr.settle_many(robot("cogiro"), []),
-            lambda: cdpr.settle_many(robot("cogiro"), POSES, external_wrench=np.ones((2, 6))),
             lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=TURNED),
             lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=np.eye(2)),
-            lambda: cdpr.feasible(robot("cogiro"), POSES, wrenches=np.ones((2, 5))),
             lambda: feasible_by_linprog(robot("cogiro"), [1, 2]),
             lambda: unchecked(cdpr.find_equilibria)(robot("cogiro"), POSES[0], starts=2.5),
             lambda: cdpr.find_equilibria(robot("cogiro"), POSES[0], seed=-1),
@@ -216,12 +178,7 @@ REFUSED = [
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=np.nan),
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=1e300),
             lambda: cdpr.release(cdpr.solve(robot("cogiro"), POSES[0]), seconds=1e300),
-            lambda: cdpr.solve(robot("cogiro"), [1e300, 0, 0]),
-            lambda: cdpr.solve(robot("cogiro"), RigidTransform.from_translation([np.nan, 0, 0])),
-            lambda: cdpr.settle(robot("cogiro"), POSES[0], external_wrench=[1e300] * 6),
             lambda: cdpr.clearances(robot("cogiro"), POSES).free(np.nan),
-            lambda: cdpr.Move("exits", 1e300),
-            lambda: cdpr.sweep("cogiro", (10**9, 10**9, 10**9)),
             lambda: cdpr.Measurements.of(POSES, np.ones((3, 2)), coordinates=("x", "x")),
             lambda: cdpr.Measurements.of(POSES, np.ones((3, 0)), coordinates=()),
         )

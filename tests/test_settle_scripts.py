@@ -17,9 +17,9 @@ TILT = 20.0
 """[°] Tilt of the parallel layout at the ends of its line in the paper, about (section IV)."""
 
 
-def status(name: str, monkeypatch) -> int:
-    """Exit status of a script without arguments."""
-    monkeypatch.setattr("sys.argv", [f"settle_{name}.py"])
+def status(name: str, monkeypatch, *arguments: str) -> int | str:
+    """Exit status of a script, or the sentence with which it ends."""
+    monkeypatch.setattr("sys.argv", [f"settle_{name}.py", *arguments])
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(SCRIPTS / f"settle_{name}.py"), run_name="__main__")
     return ended.value.code
@@ -45,6 +45,15 @@ def test_methods_that_differ_are_the_exit_status(name, monkeypatch):
     monkeypatch.setattr(cdpr, "settle", lambda *problem, **given: tighter(settle(*problem, **given)))
     monkeypatch.setattr(cdpr, "settle_many", lambda *problems: tighter(many(*problems)))
     assert status(name, monkeypatch) == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_video_that_cannot_be_written_is_refused_before_anything_is_computed(name, monkeypatch, capsys):
+    monkeypatch.setattr(cdpr, "load_robot", lambda name: pytest.fail("began to compute"))
+    assert (
+        status(name, monkeypatch, "--video", "drive.avi") == "drive.avi: found the suffix '.avi', expected .mp4 or .gif"
+    )
+    assert not capsys.readouterr().out
 
 
 def tighter(found):

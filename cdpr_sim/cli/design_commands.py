@@ -211,7 +211,7 @@ def front(
     Exit status 1, and nothing is written, if no layout is better than the given one by either objective.
     """
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
-    from cdpr_sim.drawing.axes import encoded
+    from cdpr_sim.drawing.figures import encoded
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.report.layout_pictures import pareto_picture
     from cdpr_sim.robots.robot_file_text import as_toml

@@ -86,15 +86,12 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a video of platforms that their winches drive along lines in MuJoCo, with the static solver's outline."""
-    from cdpr_sim.core import extras
-    from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import writing
     from cdpr_sim.report.robot_summary import settled_along, write_both_methods
 
     with tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
-        check_place(output, writing.SUFFIXES, force=force)
-        extras.require("video", "video")
+        writing.checked_file(output, force=force)
         states = writing.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         writing.check_count(len(wanted))

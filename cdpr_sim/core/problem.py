@@ -425,7 +425,8 @@ class Problems(Frozen):
         found = {}
         for name, own in OWN_AXES.items():
             array = getattr(self, name)
-            found[name] = np.broadcast_to(array, self.shape + array.shape[array.ndim - own :])[index]
+            whole = self.shape + array.shape[array.ndim - own :]
+            found[name] = (array if array.shape == whole else np.broadcast_to(array, whole))[index]
         return found
 
     def cable_table(self) -> Float[np.ndarray, "*batch cables columns"]:

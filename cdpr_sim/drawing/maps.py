@@ -25,7 +25,7 @@ from cdpr_sim.core.describe import span
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.figures import canvas, styled
 from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.figures import canvas, styled
 from cdpr_sim.drawing.maps import ELASTIC, FACTORS, TITLES, describe_pretension, variants_of
 
 if TYPE_CHECKING:

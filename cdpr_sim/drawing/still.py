@@ -31,7 +31,7 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot, without_mass
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, styled
+from cdpr_sim.drawing.figures import canvas, encoded, styled
 from cdpr_sim.drawing.video.raycast import RayCaster
 from cdpr_sim.drawing.video.scene import Stage, seen
 
@@ -98,18 +98,14 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
     stage = _stage(robot, at)
     whole, close = (_axes(figure, box) for box in (WHOLE, CLOSE_UP))
     camera = stage.whole(WHOLE[2] / WHOLE[3])
-    _show(whole, stage, camera)
+    show(whole, stage, camera)
     _draw_directions(whole, stage, camera)
     _number(whole, camera, robot.exits, robot.frame.mean(0))
     whole.set_title("the robot, as commanded")
-    stage.model.geom("platform").rgba[3] = style.STILL_PLATFORM_ALPHA
-    for size in (stage.model.tendon_width, stage.model.site_size):  # of the frame, in which the platform may be small
-        np.minimum(size, style.STILL_THICKEST * np.linalg.norm(robot.platform_size), out=size)
-    stage.set(0)
-    camera = stage.close_up()
-    _show(close, stage, camera)
+    camera = enlarge(stage)
+    show(close, stage, camera)
     _number(close, camera, at.apply(robot.anchors), at.translation)
-    close.plot(*_pixels(close, camera, at.apply(robot.center_of_mass[None])).T, "+", ms=9, mew=1.5, color=style.INK)
+    close.plot(*pixels(close, camera, at.apply(robot.center_of_mass[None])).T, "+", ms=9, mew=1.5, color=style.INK)
     close.set_title("the platform")
     return figure
 
@@ -138,21 +134,36 @@ def _axes(figure: Figure, box: tuple[int, int, int, int]) -> Axes:
     left, bottom, width, height = box
     figure.set_layout_engine("none")  # places are given
     page = figure.get_size_inches() * style.PNG_DPI
-    ax = figure.add_axes((left / page[0], bottom / page[1], width / page[0], height / page[1]))
+    return of_pixels(
+        figure.add_axes((left / page[0], bottom / page[1], width / page[0], height / page[1])), width, height
+    )
+
+
+def of_pixels(ax: Axes, width: int, height: int) -> Axes:
+    """The axes, with the pixels of a picture as their coordinates."""
     ax.set(xlim=(0, width), ylim=(0, height), xticks=[], yticks=[])
     ax.spines[:].set(visible=True, color=style.FAINT)
     return ax
 
 
-def _show(ax: Axes, stage: Stage, camera: mujoco.MjvCamera) -> None:
-    """Fill the axes with the picture."""
+def enlarge(stage: Stage) -> mujoco.MjvCamera:
+    """A camera close to the platform, which becomes translucent, with cables and anchors thin beside it."""
+    stage.model.geom("platform").rgba[3] = style.STILL_PLATFORM_ALPHA
+    for size in (stage.model.tendon_width, stage.model.site_size):  # of the frame, in which the platform may be small
+        np.minimum(size, style.STILL_THICKEST * np.linalg.norm(stage.robot.platform_size), out=size)
+    stage.set(stage.step)
+    return stage.close_up()
+
+
+def show(ax: Axes, stage: Stage, camera: mujoco.MjvCamera, interpolation: str = "nearest") -> None:
+    """Fill axes of pixels with the picture, which another ``interpolation`` is for where they are shown smaller."""
     width, height = round(ax.get_xlim()[1]), round(ax.get_ylim()[1])
     with closing(RayCaster(stage.model)) as caster:
         picture = caster.start(stage.look(camera), width, height)()
-    ax.imshow(picture, extent=(0, width, 0, height), aspect="auto", interpolation="nearest", zorder=0)
+    ax.imshow(picture, extent=(0, width, 0, height), aspect="auto", interpolation=interpolation, zorder=0)
 
 
-def _pixels(ax: Axes, camera: mujoco.MjvCamera, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 2"]:
+def pixels(ax: Axes, camera: mujoco.MjvCamera, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 2"]:
     """Where the axes show points [m]."""
     width, height = ax.get_xlim()[1], ax.get_ylim()[1]
     return np.array([width, height]) / 2 + seen(camera, points) * height / 2
@@ -162,7 +173,7 @@ def _draw_directions(ax: Axes, stage: Stage, camera: mujoco.MjvCamera) -> None:
     """Draw the directions of x, y and z from the frame's lower corner."""
     corner = stage.robot.frame[0]
     ends = corner + 0.11 * stage.diagonal * np.eye(3)
-    origin, *tips = _pixels(ax, camera, np.vstack([corner, ends]))
+    origin, *tips = pixels(ax, camera, np.vstack([corner, ends]))
     for name, tip in zip("xyz", tips, strict=True):
         looks = {"arrowstyle": "-|>", "color": style.INK, "lw": style.THIN, "shrinkA": 0, "shrinkB": 0}
         ax.annotate("", tip, origin, arrowprops=looks)
@@ -193,7 +204,7 @@ def _number(
     A number stands at the nearest place that covers no other number and no end, and far from its end it has a line
     to it.
     """
-    *points, center = _pixels(ax, camera, np.vstack([ends, middle]))
+    *points, center = pixels(ax, camera, np.vstack([ends, middle]))
     points = np.array(points)
     ax.plot(*points.T, ls="none", marker="o", ms=3.5, color=style.INK)
     places: list[list[int]] = []
@@ -246,7 +257,7 @@ def sheet(robots: Sequence[Robot]) -> Figure:
         row, column = divmod(place, columns)
         ax = _axes(figure, (CELL[0] * column + left, height - 40 - CELL[1] * (row + 1) + bottom, *view))
         stage = _stage(robot, robot.pose(robot.home))
-        _show(ax, stage, stage.whole(view[0] / view[1]))
+        show(ax, stage, stage.whole(view[0] / view[1]))
         ax.set_title(robot.name, loc="center", fontweight="bold", parse_math=False)
         planar = robot.mobility == "planar"
         size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0)[:: 2 if planar else 1])

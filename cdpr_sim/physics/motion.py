@@ -142,7 +142,7 @@ class Motion:
         self._options = model.opt
         self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
         self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
-        self._jacobian = np.zeros((model.ntendon, model.nv))
+        self._dense, self._outdated = np.zeros((model.ntendon, model.nv)), False
         self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
         self._stiffness, self._further = simulation.stiffnesses[row].copy(), simulation.further[row].copy()
@@ -152,6 +152,7 @@ class Motion:
         self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
         self._springs = model.tendon_lengthspring[:, 1], model.tendon_stiffness
         self._law, self._linear = Law.of(self.robot.cabling), self.robot.cabling.linear
+        self._own = Springs(self._stiffness, *self._further.T)
         self._resilient = not (self._heavy or self._cable_damping or len(simulation.with_memory))  # springs alone
         self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
         self._foreign = simulation.first[simulation.with_memory]
@@ -162,7 +163,8 @@ class Motion:
         self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
         if self._heavy and not simulation.given:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
-        self._rates, self._evaluated = np.zeros(self.robot.cables), (self._qvel.copy(), self.longest)
+        self._rates = self._still = np.zeros(self.robot.cables)
+        self._evaluated = self._qvel.copy(), self.longest
         moving = np.flatnonzero(simulation.frames.some.any(1))
         self._moving, self._softness = moving, self.robot.exit_compliance[moving]
         self._led = simulation.first[moving]  # the tendons that leave moving exits
@@ -228,7 +230,7 @@ class Motion:
     def _theta_step(self, step: float, wanted: Float[np.ndarray, " cables"]) -> None:
         """One step, at whose end winches have let out the ``wanted`` lengths [m]."""
         qvel = self._qvel
-        self._rates = (wanted - self.let_out) / step
+        self._rates = self._still if wanted is self.let_out else (wanted - self.let_out) / step
         if self._later(step) == step:
             self._set_out(step)
             mujoco.mj_step2(self.model, self.data)  # at θ = 1 a step of MuJoCo's is just this
@@ -245,7 +247,7 @@ class Motion:
         return max((0.5 if self._theta is None else self._theta) * step, step - self._damping_time)
 
     def _locate(self) -> None:
-        """Bring MuJoCo's positions and the tendons' Jacobian up to date, with wheels that face their cables."""
+        """Bring MuJoCo's positions up to date, with wheels that face their cables."""
         model, data, swivels = self.model, self.data, self.simulation.swivels
         if len(swivels.coordinates):
             mujoco.mj_kinematics(model, data)
@@ -256,7 +258,14 @@ class Motion:
         elif len(swivels):
             swivels.face(model, data)
         mujoco.mj_fwdPosition(model, data)
-        self._jacobian[self._entries] = self._sparse
+        self._outdated = True
+
+    @property
+    def _jacobian(self) -> Float[np.ndarray, "tendons dofs"]:
+        """Rates of the tendons' lengths by velocities, at the present positions."""
+        if self._outdated:
+            self._dense[self._entries], self._outdated = self._sparse, False
+        return self._dense
 
     def _let_out(self, lengths: Float[np.ndarray, " cables"], step: float) -> None:
         """Winches have let out ``lengths`` [m] at the present instant, a ``step`` [s] after the last one."""
@@ -274,7 +283,7 @@ class Motion:
         bands, springs = rest + simulation.entries, self._law.springs(rest)
         stiffness = springs.stiffness
         if self._plain:
-            self._bands, self._stiffness = bands, stiffness
+            self._bands[:], self._stiffness[:] = bands, stiffness
         else:
             self._bands[single], self._stiffness[single] = bands[some], stiffness[some]
         if not self._linear:
@@ -374,7 +383,7 @@ class Motion:
         """Forces and dampers for a step, and τ as the time step of MuJoCo's integrator; returns τ [s]."""
         later, self._some_motors = self._later(step), bool(self.motors.any())
         if self._theta is not None:  # springs of the instant at which they act
-            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
+            self._wind(self.let_out if self._rates is self._still else self.let_out + later * self._rates)
         self._balance_exits()
         self._pull_by(later)
         self._options.timestep = later
@@ -394,7 +403,7 @@ class Motion:
             slope = taut * self._stiffness
             pull = slope * stretch
         else:
-            pull, slope = Springs(self._stiffness, *self._further.T).force(taut * stretch)
+            pull, slope = self._own.force(taut * stretch)
             slope *= taut
         resisting, extra = None, None
         if self._theta is not None:

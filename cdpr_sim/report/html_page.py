@@ -283,7 +283,7 @@ def _range(dataset: Any, name: str) -> str:
 
 
 def _map(figure: Figure, title: str, explanation: str, kind: str = "one") -> dict[str, str]:
-    from cdpr_sim.drawing.axes import encoded
+    from cdpr_sim.drawing.figures import encoded
 
     source = html.data(encoded(figure, "svg"), "image/svg+xml")
     return {"title": title, "explanation": explanation, "kind": kind, "source": source}

@@ -1,18 +1,20 @@
 """Presentation of optimised layouts: figures of merit, figures, both robots driven side by side."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+# matplotlib's stubs know no keyword dictionaries, and mujoco ships none for its compiled modules.
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
 from cdpr_sim.analysis.workspace.grids import plane
@@ -27,9 +29,11 @@ from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout_equilibria import solve_layouts
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.objectives import Objective
-from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, draw_pose, key, legend_above, slack_key, styled
+from cdpr_sim.drawing import still, style
+from cdpr_sim.drawing.figures import canvas, key, legend_above, styled
 from cdpr_sim.drawing.maps import outer_edges
+from cdpr_sim.drawing.video.frame_layout import nice_above
+from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.robot_summary import shapes_of
@@ -40,8 +44,8 @@ MAP_POINTS = 121
 CLEARANCE_POINTS = 61
 """Poses along the longer side of a map of distances."""
 
-FLAT = 0.2
-"""Depth, as a fraction of the longest edge, below which a robot has no room for tick labels along y."""
+WHOLE, CLOSE_UP = (900, 620), (450, 620)
+"""[pixel] Width and height of the pictures of robots and of the platform, which are shown at half the size."""
 
 MOST_DEGREES = 45.0
 """Upper end of the tilt scale [°]."""
@@ -157,12 +161,14 @@ def picture(validation: LayoutValidation) -> Figure:
     least = min(0.0, float(values.min()))
     before, after = (found.objective.shown(side.score, DIGITS) for side in sides)
     title = f"{found.given.name}: {found.objective.name} {before} → {after}"
-    figure = canvas(style.WIDTH, 8.0, title, _caption(validation, goal, at))
+    highest = nice_above(max(float(np.nanmax(side.settled.tensions[worst])) for side in sides))
+    stages = [_stage(side, worst, highest) for side in sides]
+    figure = canvas(style.WIDTH, 8.0, title, _caption(validation, goal, at, highest))
     on_platform = [one for one in moved if one[-1]]
     handles = [
         *(key(f"{name} moved, from its previous position", **_MOVED, **looks) for name, looks, *_ in moved),
         *(key(f"{name} changed", ls="none") for name in _changed(*robots)),
-        *([slack_key()] if any(side.settled.slack[worst].any() for side in sides) else []),
+        *([_SLACK] if any(side.settled.slack[worst].any() for side in sides) else []),
         key("pose of the optimisation", **_POSE),
         key("pose drawn above", **_DRAWN),
     ]
@@ -173,14 +179,11 @@ def picture(validation: LayoutValidation) -> Figure:
     body = legend_above(figure, handles, 3, share=0.08)
     grid = body.subgridspec(3, 2 + bool(on_platform), hspace=0.06, **ratios)
     image, panels = None, []
-    for column, (side, one, name) in enumerate(zip(sides, maps, ("before", "after"), strict=True)):
-        space, shapes = figure.add_subplot(grid[0, column], projection="3d"), shapes_of(side.settled)
-        draw_frame(space, side.settled.robot)
-        _reach(space, robots)
+    camera = stages[0].whole(WHOLE[0] / WHOLE[1], found.robot)
+    for column, (stage, one, name) in enumerate(zip(stages, maps, ("before", "after"), strict=True)):
+        space = _draw_robot(figure.add_subplot(grid[0, column]), stage, camera, WHOLE, name)
         if column:
-            _draw_moves(space, [each for each in moved if not each[-1]])
-        draw_pose(space, side.settled, worst, None if shapes is None else shapes[worst])
-        _unclipped(space, name)
+            _draw_moves(space, camera, [each for each in moved if not each[-1]])
         panel = figure.add_subplot(grid[1, column])
         panels.append(panel)
         image = panel.imshow(
@@ -196,7 +199,9 @@ def picture(validation: LayoutValidation) -> Figure:
     label = f"{goal.quantity} [{goal.unit}]" if goal.unit else goal.quantity
     figure.colorbar(image, ax=panels, label=label, shrink=0.9, pad=0.015)
     if on_platform:
-        _draw_platform_moves(figure.add_subplot(grid[0, 2], projection="3d"), found.robot, on_platform)
+        camera = still.enlarge(stages[1])
+        space = _draw_robot(figure.add_subplot(grid[0, 2]), stages[1], camera, CLOSE_UP, "platform, enlarged")
+        _draw_moves(space, camera, on_platform, stages[1].trajectory.poses[0])
     _write_numbers(figure.add_subplot(grid[2, :]), rows)
     return figure
 
@@ -204,16 +209,36 @@ def picture(validation: LayoutValidation) -> Figure:
 _POSE = {"ls": "none", "marker": "o", "ms": 4.5, "color": style.SKY, "mec": "white", "mew": 0.5, "clip_on": False}
 _DRAWN = {"ls": "none", "marker": "s", "ms": 6, "mfc": "none", "mec": style.GREEN, "mew": 1.5, "clip_on": False}
 _MOVED = {"lw": 1.6, "ms": 4, "mfc": "white"}
+_SLACK = key("slack cable", color=style.SLACK_COLOR)
 
 
-def _caption(validation: LayoutValidation, goal: Objective, at: np.ndarray) -> str:
+def _stage(side: ValidatedRobot, case: int, highest: float) -> Stage:
+    """The robot as it has settled in this case, in the scene of videos; cables are darkest at the highest tension."""
+    settled, rows, shapes = side.settled, np.array([case]), shapes_of(side.settled)
+    poses, lengths, tensions = settled.poses[rows], settled.lengths[rows], settled.tensions[rows]
+    state = Trajectory.of(settled.problems.take(rows), np.zeros(1), poses, lengths, tensions)
+    stage = Stage(state, largest_tension=highest, shapes=None if shapes is None else shapes[rows])
+    stage.set(0)
+    return stage
+
+
+def _draw_robot(ax: Axes, stage: Stage, camera: mujoco.MjvCamera, size: tuple[int, int], title: str) -> Axes:
+    still.show(still.of_pixels(ax, *size), stage, camera, "antialiased")
+    ax.set_aspect("equal")
+    ax.set_title(title, fontweight="bold")
+    return ax
+
+
+def _caption(validation: LayoutValidation, goal: Objective, at: np.ndarray, highest: float) -> str:
     """What is worse than before, and what the parts of the picture show."""
     cases, point = validation.cases, ", ".join(f"{x:.4g}" for x in at)
+    frame = " × ".join(f"{edge:.3g}" for edge in np.ptp(validation.layout.given.frame, axis=0))
     several = f", {'smallest' if goal.largest else 'largest'} of {cases.per_pose} cases" if cases.per_pose > 1 else ""
     ends = "; the scale ends at 45° at most" if goal.unit == "°" else ""
     return " ".join([
         *validation.side_effects,
-        f"Robots settled in MuJoCo at the pose where the {goal.quantity} of the given one is worst, ({point}) m. "
+        f"Robots in a frame of {frame} m, settled in MuJoCo at the pose where the {goal.quantity} of the given one is "
+        f"worst, ({point}) m; cables: teal without tension to purple with {highest:g} N; grey box: commanded pose. "
         f"Maps: {goal.quantity} by statics{several}, commanded level at y = {at[1]:.4g} m; grey: no equilibrium{ends}. "
         f"Numbers: MuJoCo, at the poses of the optimisation and midway between them, {len(cases)} cases. "
         "They do not hold for other poses, loads and cables.",
@@ -237,24 +262,6 @@ def _worst(values: Float[np.ndarray, " cases"], goal: Objective) -> int:
     return int((np.nanargmin if goal.largest else np.nanargmax)(values))
 
 
-def _reach(space, robots: Sequence[Robot]) -> None:
-    """Set the same limits for both robots, with all exits inside."""
-    wide = _fit(space, np.vstack([one.frame for one in robots] + [one.exits for one in robots]))
-    if wide[1] < FLAT * wide.max():
-        space.set_yticks([])
-        space.set_ylabel("")
-
-
-def _fit(space, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "3"]:
-    """Set limits that contain the points, to scale; return the edges of the box."""
-    lower, upper = points.min(0), points.max(0)
-    wide = np.maximum(upper - lower, 0.05 * (upper - lower).max())
-    middle = (lower + upper) / 2
-    space.set(**{f"{axis}lim": middle[i] + wide[i] * np.array([-0.5, 0.5]) for i, axis in enumerate("xyz")})
-    space.set_box_aspect(tuple(wide), zoom=1.1)
-    return wide
-
-
 def _moved(before: Robot, after: Robot) -> list[tuple[str, dict[str, str], np.ndarray, bool]]:
     """Kinds of points that moved: name, looks, (points, 2, 3) previous and new positions, whether of the platform."""
     kinds = [
@@ -276,30 +283,18 @@ def _changed(before: Robot, after: Robot) -> list[str]:
     return [f"{one.title} of cables" for one in changed]
 
 
-def _draw_moves(space, moved: Sequence[tuple[str, dict[str, str], np.ndarray, bool]]) -> None:
-    """Draw a line from each previous position, which is marked."""
+def _draw_moves(
+    ax: Axes,
+    camera: mujoco.MjvCamera,
+    moved: Sequence[tuple[str, dict[str, str], np.ndarray, bool]],
+    at: RigidTransform | None = None,
+) -> None:
+    """Draw a line from each previous position, which is marked; of points of the platform, ``at`` its pose."""
     for _, looks, lines, _ in moved:
         for line in lines:
-            space.plot(*line.T, color=looks["color"], lw=_MOVED["lw"])
-            space.plot(*line[:1].T, ls="none", **{**looks, **_MOVED})
-
-
-def _draw_platform_moves(space, robot: Robot, moved: Sequence[tuple[str, dict[str, str], np.ndarray, bool]]) -> None:
-    """Draw the platform with its points that moved, in the directions of the robot's axes."""
-    draw_platform(space, robot, np.zeros(3), np.eye(3), alpha=0.25)
-    _draw_moves(space, moved)
-    points = np.vstack([robot.platform_size / 2, -robot.platform_size / 2, *(one[2].reshape(-1, 3) for one in moved)])
-    _fit(space, points)
-    space.view_init(elev=14, azim=-72)
-    space.axis("off")
-    _unclipped(space, "platform,\nenlarged")
-
-
-def _unclipped(space, title: str) -> None:
-    for drawn in space.get_children():
-        drawn.set_clip_on(False)
-        drawn.set_in_layout(False)
-    space.set_title(title, fontsize=11, fontweight="bold")
+            ends = still.pixels(ax, camera, line if at is None else at.apply(line))
+            ax.plot(*ends.T, color=looks["color"], lw=_MOVED["lw"])
+            ax.plot(*ends[:1].T, ls="none", **{**looks, **_MOVED})
 
 
 def _write_numbers(ax: Axes, numbers: Sequence[tuple[str, str, str]]) -> None:

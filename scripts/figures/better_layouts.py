@@ -20,7 +20,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, validate_layout
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.search import find_layout
-from cdpr_sim.drawing.axes import encoded
+from cdpr_sim.drawing.figures import encoded
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.layout_pictures import draw_front, picture
 from cdpr_sim.report.table_style import new_table

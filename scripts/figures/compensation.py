@@ -22,10 +22,11 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, legend_above, points, styled
+from cdpr_sim.drawing.figures import canvas, encoded, key, legend_above, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
+from robots_on_axes import points
 
 ROBOTS = {"cogiro": "crossed cables (cogiro)", "parallel": "parallel cables (parallel)"}
 MATERIAL = "fishing-0.4mm"

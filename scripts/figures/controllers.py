@@ -30,7 +30,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, encoded, key, legend_above, styled
 from cdpr_sim.report.table_style import new_table
 from controller_comparison import (
     ELASTIC,
@@ -211,13 +211,10 @@ def _materials(runs: Sequence[Run]) -> list[str]:
 
 def _legend(runs: Sequence[Run]) -> list[Line2D]:
     stiff, soft = _materials(runs)[0], _materials(runs)[-1]
-    grey = {"color": style.MUTED, "ls": "none", "ms": 5}
+    marks = {"line": "● ○", "circle": "■ □", stiff: "● ■", soft: "○ □"}  # of both, for the other key
     return [
-        *(Line2D([], [], color=color, lw=2.2, label=f"up to {speed:g} m/s") for speed, color in COLORS.items()),
-        Line2D([], [], marker="o", label="line", **grey),
-        Line2D([], [], marker="s", label="circle", **grey),
-        Line2D([], [], marker="o", label=stiff, **grey),
-        Line2D([], [], marker="o", mfc="white", label=soft, **grey),
+        *(key(f"up to {speed:g} m/s", color=color, lw=2.2) for speed, color in COLORS.items()),
+        *(key(f"{both}  {label}", ls="none") for label, both in marks.items()),
     ]
 
 

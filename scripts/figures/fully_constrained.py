@@ -24,19 +24,20 @@ from rich.table import Table
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+import robots_on_axes as drawing
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, points, styled
+from cdpr_sim.drawing.figures import canvas, encoded, key, styled
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
+from robots_on_axes import points
 
 POINTS = 121  # pretensions, from the smallest without slack cables to the largest of the winches
 OUTPUT = Path(__file__).parents[2] / "pictures" / "fully-constrained.png"

@@ -15,13 +15,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+import robots_on_axes as drawing
 from cdpr_sim.core.describe import describe_cables, newtons
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
+from cdpr_sim.drawing.figures import canvas, key, styled
 from lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
+from robots_on_axes import legend_below, points
 
 PAPER_FIGURES = {
     "planar-vertical": " (Paper, Fig. 7)",

@@ -20,8 +20,9 @@ from rich.console import Console
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, points, styled
+from cdpr_sim.drawing.figures import canvas, encoded, styled
 from cdpr_sim.report.table_style import Sheet, new_table
+from robots_on_axes import points
 
 OUTPUT = Path(__file__).parents[2] / "pictures" / "machines.png"
 

@@ -20,7 +20,7 @@ from cdpr_sim.analysis.identification_model import IdentificationModel
 from cdpr_sim.analysis.measurements import KINDS
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, encoded, key, legend_above, styled
 from cdpr_sim.report.analysis_tables import identification_note, identification_table
 from cdpr_sim.report.table_style import new_table
 

@@ -25,7 +25,7 @@ import tilt_condition
 import two_cable
 from cdpr_sim.core.errors import CdprError, UnknownName
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.drawing.axes import encoded
+from cdpr_sim.drawing.figures import encoded
 from cdpr_sim.robots.catalogue import load_robot
 
 FOLDER = Path("figures")  # not part of the repository

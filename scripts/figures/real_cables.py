@@ -22,21 +22,22 @@ from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
+import robots_on_axes as drawing
 from cdpr_sim.analysis.cable_profiles import cable_profiles
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, legend_below, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.figures import canvas, encoded, key, styled
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
+from robots_on_axes import legend_below, points
 
 OUTPUT = Path(__file__).parents[2] / "pictures" / "real-cables.png"
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, encoded, key, legend_above, styled
+from cdpr_sim.drawing.figures import canvas, encoded, key, legend_above, styled
 from cdpr_sim.drawing.readable_numbers import plain
 from lines import PAPER_DEVIATION
 

@@ -31,7 +31,7 @@ from cdpr_sim.crosscheck.compare import (
     compare,
 )
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, styled
+from cdpr_sim.drawing.figures import canvas, key, styled
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 from cdpr_sim.statics import newton

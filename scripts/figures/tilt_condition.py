@@ -14,11 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+import robots_on_axes as drawing
 from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, styled
+from cdpr_sim.drawing.figures import canvas, key, styled
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.forces import at, geometry
 from cdpr_sim.statics.given_tensions import cut

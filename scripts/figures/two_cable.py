@@ -14,18 +14,19 @@ from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import ArrayLike
 
+import robots_on_axes as drawing
 from cdpr_sim.core.describe import describe_cables, newtons
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch, all_solved
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, legend_above, legend_below, points, styled
+from cdpr_sim.drawing.figures import canvas, key, legend_above, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.statics.newton import solve_many
 from lines import COLUMNS, PAPER_HEIGHTS, Line, along_x, line
+from robots_on_axes import legend_below, points
 
 STIFFEST, SOFTEST = 1e3, 15.0
 """[N] EA at both ends of the drift."""

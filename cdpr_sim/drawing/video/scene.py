@@ -125,10 +125,14 @@ class Stage:
         mujoco.mjv_updateCamera(self.model, self.data, camera, self.scene)
         return self.scene
 
-    def whole(self, aspect: float) -> mujoco.MjvCamera:
-        """A camera that sees the whole frame and all poses of the platform, for a picture of this aspect (w/h)."""
-        corners = np.array([*itertools.product(*self.robot.frame.T), *itertools.product(*self._reach.T)])
-        corners = np.vstack([corners, self.robot.exits])
+    def whole(self, aspect: float, *others: Robot) -> mujoco.MjvCamera:
+        """A camera that sees the whole frame and all poses of the platform, for a picture of this aspect (w/h).
+
+        And the frames of ``others``, which another stage shows from the same place.
+        """
+        robots = (self.robot, *others)
+        corners = [*itertools.product(*self._reach.T), *(corner for one in robots for corner in one.exits)]
+        corners = np.array(corners + [corner for one in robots for corner in itertools.product(*one.frame.T)])
         axes = _camera_axes()
         center = corners.mean(0)
         distance = 0.0

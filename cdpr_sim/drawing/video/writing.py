@@ -55,6 +55,18 @@ QUALITY = 18.0
 """Constant rate factor, or quantiser, of H.264: visually lossless."""
 
 
+def checked_file(path: str | Path, *, force: bool = False) -> Path:
+    """``path``, if a video can be written there; to be called before the motion is computed.
+
+    Raises:
+        InvalidInput: a path that cannot be written, an existing file without ``force``, or an unknown suffix.
+        MissingExtra: a library of the extra ``video`` is not installed.
+    """
+    path = check_place(path, SUFFIXES, force=force)
+    extras.require("video", "video")
+    return path
+
+
 def write_video(
     path: str | Path,
     trajectories: Trajectory | Sequence[Trajectory],
@@ -97,7 +109,7 @@ def write_video(
         StoreError: a full disk, or an encoder that was killed.
     """
     refuse_unless(FLAG, force=force)
-    path = check_place(path, SUFFIXES, force=force)
+    path = checked_file(path, force=force)
     pictures = VideoFrames(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
     with pictures, appearing(path) as (temporary,):
         try:

@@ -1,24 +1,15 @@
-"""Robots on matplotlib axes: platforms, taut and slack cables, zones of slack cables, and the common figure layout."""
+"""Robots on matplotlib axes, in 3D or in the x-z plane: frames, platforms, taut and slack cables, pulleys, legends."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
-import functools
-import io
-import textwrap
-from collections.abc import Callable, Iterable, Sequence
-from typing import ParamSpec
+from collections.abc import Iterable, Sequence
 
-import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
@@ -30,77 +21,11 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of, with_moved_exits
-from cdpr_sim.drawing.lettering import in_legible_letters
-
-P = ParamSpec("P")
+from cdpr_sim.drawing.figures import key
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
 """Faces and edges of a box whose corners are numbered in binary (x, y, z)."""
-
-
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorator: draw in the package's style, and leave the caller's matplotlib settings unchanged."""
-
-    @in_legible_letters
-    @functools.wraps(draw)
-    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update(style.RC)
-            return draw(*args, **kwargs)
-
-    return in_style
-
-
-def canvas(width: float, height: float, title: str, caption: str, kind: type[Figure] = Figure) -> Figure:
-    """A figure [inch] with a title above and a caption below."""
-    figure = kind(figsize=(width, height), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
-    figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
-    figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
-    for text in figure.texts:
-        text.set_parse_math(False)  # names and descriptions may contain any characters
-    return figure
-
-
-def encoded(figure: Figure, kind: str = "png") -> bytes:
-    """The figure as a file's content, "png" or "svg", reproducible: no dates, no versions, no random ids."""
-    buffer = io.BytesIO()
-    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
-        if kind == "svg":
-            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
-        else:
-            figure.set_dpi(style.PNG_DPI)
-            FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
-    return buffer.getvalue()
-
-
-def key(label: str, **looks) -> Line2D:
-    """Legend entry of a line or of markers."""
-    return Line2D([], [], label=label, **looks)
-
-
-def legend_above(figure: Figure, handles: Sequence[Artist], columns: int, share: float = 0.04) -> SubplotSpec:
-    """Place a legend under the title, on this share of the figure's height; return the place of the rest."""
-    top, rest = figure.add_gridspec(2, 1, height_ratios=(share, 1))
-    ax = figure.add_subplot(top, label="legend")
-    ax.set_axis_off()
-    ax.legend(handles=handles, loc="center left", ncols=columns, borderaxespad=0)
-    return rest
-
-
-def legend_below(ax: Axes, handles: Sequence[Artist], down: float, columns: int = 2) -> None:
-    """Place a legend below the axes, ``down`` in heights of the axes."""
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -down), ncols=columns)
-
-
-def slack_key(label: str = "slack cable") -> Line2D:
-    """Legend entry of slack cables."""
-    return key(label, color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH)
-
-
-# Robots, in 3D or in the x-z plane, as the axes are
 
 
 def plot(ax: Axes, points: Float[np.ndarray, "points 3"], **looks) -> None:
@@ -249,3 +174,13 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
 def points(color: str, marker: str = "o", **looks) -> dict:
     """Marker style of MuJoCo's points: hollow."""
     return {"ls": "none", "marker": marker, "mfc": "white", "mec": color, "mew": 1.1, "zorder": 6} | looks
+
+
+def legend_below(ax: Axes, handles: Sequence[Artist], down: float, columns: int = 2) -> None:
+    """Place a legend below the axes, ``down`` in heights of the axes."""
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -down), ncols=columns)
+
+
+def slack_key(label: str = "slack cable") -> Line2D:
+    """Legend entry of slack cables."""
+    return key(label, color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH)
