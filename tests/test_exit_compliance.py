@@ -130,6 +130,17 @@ def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
         cdpr.reset(model, data, solved.pose, pretension=1.0)
 
 
+def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():
+    """The body of an exit is light, and the integrator of chains does not know springs."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], linear_density=1e-3)
+    pose = np.add(robot.home, [0.03, 0.0, 0.02])
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, pose))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=round(5 / model.opt.timestep))
+    assert not data.warning.number.any()
+    np.testing.assert_allclose(data.body("platform").xpos, cdpr.solve(robot, pose).position, rtol=0, atol=EXACT)
+
+
 @pytest.mark.parametrize(
     ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
 )

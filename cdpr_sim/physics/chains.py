@@ -103,6 +103,12 @@ SHALLOWEST = 0.1
 """Smallest chord, in rest lengths, in the formula for a chain's first profile."""
 
 
+def first_stiffness(root: ET.Element, cable: int) -> float:
+    """Stiffness of the first tendon of a chain in a model [N/m]; 0 without a chain of springs."""
+    first = root.find(f"tendon/spatial[@name='cable_{cable + 1}_1']")
+    return 0.0 if first is None else float(first.get("stiffness", "0").split()[0])
+
+
 def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
     """Which chains are so short for their wheels that the first mass might touch them."""
     cabling = robot.cabling

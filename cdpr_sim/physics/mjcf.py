@@ -162,7 +162,7 @@ def to_mjcf(
     tendon = tendons.add_tendons(root, problem, resisting, wound=driven, nodes=count, uneven=uneven)
     nodes = chains.add_chains(world, platform, tendon, problem, resisting, calmed)
     for i in np.flatnonzero(robot.cabling.moving_exits):
-        exits.holder(world, robot, int(i))
+        exits.holder(world, robot, int(i), resisting or 0.0, chains.first_stiffness(root, int(i)))
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = Law.of(robot.cabling).springs(problem.rest_lengths).stiffness
     if kind:
