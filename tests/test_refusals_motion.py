@@ -294,7 +294,6 @@ INVALID = [
 ]  # fmt: skip
 
 UNKNOWN_NAMES = [
-    (lambda _: made(mobility="x" * 10_000), "unknown mobility 'xxx"),
     (lambda _: task(control="speed"), "unknown control 'speed'"),
     (lambda _: task(rewards={"tilt": 1.0}), "unknown term of the reward 'tilt'"),
     (lambda _: task(robot="crane-with-heavy-cables"), "unknown robot 'crane-with-heavy-cables'"),

@@ -156,7 +156,6 @@ REFUSED = [
     (problem, two | dict(external_wrench=[0, 1, 0, 0, 0, 0]), "external_wrench: .*planar"),
     (problem, dict(robot="parallel"), "robot: found 'parallel', expected a Robot or a Problem"),
     (problem, dict(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
-    (cdpr.solve, cogiro | dict(method="newtn"), "did you mean newton"),
     *[
         (ask, dict(robot=ready, **{field: value}), f"{field}: found one beside a Problem")
         for ready, asks in ((cdpr.Problem.of(**cogiro), single), (cdpr.solve(**cogiro), (sensitivity, modes)))

@@ -109,6 +109,10 @@ ANY = {"least", "stiffness", "time", "times"}
 """Of which any number is taken, or any row of numbers."""
 
 
+ANY_TEXT = {"path", "store", "robot_file", "name", "material", "description", "source", "notes", "robot", "cables"}
+"""Names of files and of what users make themselves."""
+
+
 def wrong_values(name: str, annotation: str, default: object) -> Iterator[tuple[str, object]]:
     """Values that no parameter takes, and some that this one does not take, by its annotation."""
     yield "an object", object()
@@ -124,6 +128,8 @@ def wrong_values(name: str, annotation: str, default: object) -> Iterator[tuple[
     if "str" not in annotation and "Any" not in annotation:
         yield "text", "text"
         yield "a number as text", "3"
+    if ("str" in annotation or "Literal" in annotation) and name not in ANY_TEXT:
+        yield "an unknown name", "no such thing"
     if "None" not in annotation and default is not None:
         yield "None", None
     if "bool" not in annotation:
