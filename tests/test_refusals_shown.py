@@ -63,7 +63,6 @@ REFUSED = [
     (lambda: film("v.mp4", size=(10**6, 480)), "size: found 1000000 x 480"),
     (lambda: film("v.mp4", exaggeration=0.0), "exaggeration: found 0"),
     (lambda: film("v.mp4", static=[]), "static: found 0 stacks"),
-    (lambda: film("v.mp4", renderer="opngl"), "did you mean opengl"),
 ]
 
 

@@ -100,14 +100,10 @@ single = (
 
 REFUSED = [
     # A robot.
-    (robot, dict(exits=[[0, 0]] * 3), r"exits: found an array of shape \(3, 2\), expected shape \(any, 3\)"),
     (robot, dict(anchors=ANCHORS[:2]), r"anchors: found an array of shape \(2, 3\), expected shape \(3, 3\)"),
     (robot, dict(exits=np.empty((0, 3)), anchors=np.empty((0, 3))), "exits: found no cable"),
     (robot, dict(axial_stiffness=[1e3, 0, 1e3]), "axial_stiffness: found 0 N, expected more than 0"),
-    (robot, dict(axial_stiffness=[1e3, 1e3]), "axial_stiffness: .*expected shape"),
     (robot, dict(mass=0), "mass: found 0 kg, expected more than 0"),
-    (robot, dict(mass=[1, 2]), "mass: .*expected a single number"),
-    (robot, dict(gravity=-9.81), "gravity: found -9.81 m/s², expected 0 or more"),
     (robot, dict(inertia=[1, 1, 3]), "inertia: found principal moments"),
     (robot, dict(inertia=[1, 1, -1]), "inertia: found principal moments"),
     (robot, dict(inertia=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "inertia: found an unsymmetric matrix"),
@@ -115,11 +111,9 @@ REFUSED = [
     (robot, dict(mobility="flat"), "unknown mobility 'flat': .*planar, spatial"),
     (robot, dict(mobility="planar"), r"exits of cable 3: found y = 1 m, expected 0: a planar robot"),
     (robot, dict(anchors=np.zeros((3, 3))), "platform_size: not given"),
-    (robot, dict(linear_density=-1.0), "linear_density: found -1 kg/m in cable 1"),
     (robot, dict(pulley_radius=[0, 0, -0.1]), "pulley_radius: found -0.1 m in cable 3"),
     (robot, dict(pulley_radius=[0, 1e-7, 0]), "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point"),
     (robot, dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
-    (robot, dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),
     (robot, dict(material="a\nb"), "material: found .*, expected printable characters only"),
     (robot, dict(material=5), "material: found 5, expected text"),
     (robot, dict(linear_density="material"), "linear_density: found 'material' without a material"),
@@ -131,27 +125,20 @@ REFUSED = [
     # Changes of a robot.
     (replaced, dict(material="nylon"), "unknown material 'nylon'.*vectran-0.7mm"),
     (replaced, dict(materiel="x"), "unknown field of a robot 'materiel': did you mean material"),
-    (replaced, dict(pretension=-1), "pretension: found -1 N, expected 0 to"),
     (replaced, dict(robot=rope(), material="vectran-0.7mm"), "density: found 'material', .* mass of vectran-0.7mm"),
     (replaced, dict(robot=rope(), diameter=0.004), "found it in replace, expected material='steel-rope-4mm'"),
     (replaced, dict(robot=rope(), material="steel-4mm"), r"'steel-4mm': did you mean steel-rope-4mm\?"),
     # Limits of force.
     (limited, dict(force_min=5, force_max=2), "force_min: found 5 N above force_max, 2 N, in cable 1; expected"),
     (limited, dict(force_min=[0] * 7 + [9], force_max=8), "found 9 N above force_max, 8 N, in cable 8"),
-    (limited, dict(force_min=-1), "force_min: found -1 N in cable 1, expected 0 or more"),
     (limited, dict(force_min=INF), "force_min: found inf, expected finite numbers"),
     (limited, dict(force_max=0), "force_max: found 0 N in cable 1, expected more than 0"),
-    (limited, dict(force_max=-INF), "force_max: found -inf, expected finite numbers"),
-    (limited, dict(force_max=[1, 2]), r"force_max: found an array of shape \(2,\)"),
     # A pose, and lengths for tensions.
-    (lengths, dict(pose=(0, 0)), r"pose: found an array of shape \(2,\)"),
     (lengths, dict(pose=(-0.9, 0, 1)), r"exit of cable 1 lies on its anchor"),
     (lengths, two | dict(pose=(0.4, 0.1, 0.2)), flat),
     (lengths, two | dict(pose=(0.4, 0, 0.2, 0.1, 0, 0)), flat),
     (lengths, two | dict(pose=(0.4, 0, 0.2, 0, 0.1, 0.1)), flat),
     (Pose.of, dict(pose=RigidTransform.from_translation([[1, 2, 3], [4, 5, 6]])), "stack of 2"),
-    (ipanema, dict(tensions=-1.0), "found -1 N, expected 0 or more"),
-    (ipanema, dict(tensions=[1, 2, 3]), r"expected shape \(8,\)"),
     (ipanema, dict(tensions=[60.0] * 8), "leave 245 N unbalanced at the pose"),
     (ipanema, dict(tensions=50.0), "found -30.16 N in cable 5 where tensions nearest to 50 N balance"),
     (ipanema, dict(tensions=700.0), "found 780.2 N in cable 1 .* expected 0 to 720 N"),
@@ -165,13 +152,10 @@ REFUSED = [
     (lengths, cogiro | dict(robot=of("cogiro", linear_density=1e-3, pretension=50.0)), "pretension: found"),
     # A problem.
     (problem, dict(pose=None), r"pose: found none, expected \(x, y, z\), a six-vector or a RigidTransform"),
-    (problem, dict(rest_lengths=[1, 1]), r"rest_lengths: .*expected shape \(8,\)"),
     (problem, dict(rest_lengths=[1] * 7 + [0]), "rest_lengths: found 0 m, expected more than 0"),
-    (problem, dict(external_wrench=[1, 2, 3]), r"external_wrench: .*expected shape \(6,\)"),
     (problem, two | dict(external_wrench=[0, 1, 0, 0, 0, 0]), "external_wrench: .*planar"),
     (problem, dict(robot="parallel"), "robot: found 'parallel', expected a Robot or a Problem"),
     (problem, dict(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
-    (cdpr.solve, cogiro | dict(method="newtn"), "did you mean newton"),
     *[
         (ask, dict(robot=ready, **{field: value}), f"{field}: found one beside a Problem")
         for ready, asks in ((cdpr.Problem.of(**cogiro), single), (cdpr.solve(**cogiro), (sensitivity, modes)))
@@ -187,9 +171,6 @@ REFUSED = [
     (problems, dict(poses=[0.3, 0.25]), r"poses: found an array of shape \(2,\), expected \(..., 3\) or \(..., 6\)"),
     (problems, dict(rest_lengths=np.ones((3, 8))), r"do not fit one another: poses \(2,\), rest_lengths \(3,\)"),
     (problems, dict(rest_lengths=[0.0] + [1.0] * 7), "rest_lengths: found 0 m, expected more than 0"),
-    (problems, dict(rest_lengths=np.ones((2, 5))), r"lengths: found an array of shape \(2, 5\), expected \(..., 8\)"),
-    (problems, dict(external_wrench=[0, 0, 1.0]), r"wrench: found an array of shape \(3,\), expected \(..., 6\)"),
-    (problems, dict(axial_stiffness=-1.0), "axial_stiffness: found -1 N, expected more than 0"),
     (problems, dict(axial_stiffness=[1e3] * 3), r"axial_stiffness: found an array of shape \(3,\), expected"),
     (problems, dict(mass=[0.4, 0.0]), "mass: found 0 kg, expected more than 0"),
     (problems, dict(mass=[0.4] * 3), r"do not fit one another: poses \(2,\), .*mass \(3,\)"),
@@ -245,7 +226,6 @@ REFUSED = [
     # Cables shorter than rounding.
     (cdpr.solve, cogiro | dict(rest_lengths=[1.0] * 4 + [1e-13] + [1.0] * 3), "1.0e-13 m in cable 5"),
     # Several equilibria, and those that are no answer.
-    (cdpr.find_equilibria, two | dict(rest_lengths=[1.0]), "rest_lengths: found an array of shape"),
     (cdpr.find_equilibria, two | dict(starts=0), "starts: found 0"),
     (cdpr.find_equilibria, two | dict(external_wrench=[0, 0, 0, 0, 1, 0]), "found a torque"),
     (cdpr.find_equilibria, cogiro | dict(robot=of("cogiro", gravity=0)), "found no load"),
@@ -272,9 +252,7 @@ REFUSED = [
     (feasible, dict(tension_limits=(NAN, 1)), "expected 0 or more"),
     (feasible, dict(tension_limits=(0, NAN)), "tau_min <= tau_max"),
     (feasible, dict(tension_limits=(0, [1, 2, 3])), "one for each of the 8 cables"),
-    (feasible, dict(tension_limits=3.0), "expected .smallest, largest."),
     (feasible, dict(wrenches=np.zeros((0, 6))), "expected at least one wrench"),
-    (feasible, dict(wrenches=[1.0, 2.0]), "expected shape"),
     (feasible, dict(robot=two["robot"], positions=two["pose"], wrenches=np.eye(6)[1]), "wrenches: found .*planar"),
     (hull, dict(center=(1.9, 1.4, 1.9)), "center: found .1.9, 1.4, 1.9. m, which is not feasible"),
     (hull, dict(center=(0, 0, 3)), "center: found .0, 0, 3. m, outside the robot's frame"),
@@ -283,7 +261,6 @@ REFUSED = [
     (hull, dict(tolerance=0.0), "tolerance: found 0 m"),
     (hull, dict(closed_form=True, tension_limits=(1, INF)), "found no largest tension in cable 1"),
     (hull, dict(tension_limits=(2, 1)), "tau_min <= tau_max"),
-    (hull, dict(orientation=(0, 0)), "orientation: found an array of shape"),
     (hull, dict(robot=lambda: of("planar-vertical")), "which is planar, expected a spatial one"),
 ]  # fmt: skip
 
