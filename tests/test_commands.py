@@ -167,7 +167,7 @@ ANSWERS = [  # a command, its exit status, what it says, and what is in its JSON
     ("models two-cable -o there", 0, "robot.xml", {}),
     (f"import {FILES / 'crane_gazebo.yaml'} -o mine.toml", 0,
      "crane_gazebo, spatial, 4 cables, 5 kg…- The elasticity of its cables is not given", {}),
-    ("video two-cable --seconds 0.4 --fps 5 --size 320 240 -o v.gif", 0, "^v.gif", {}),
+    ("video two-cable --drive-seconds 0.5 --seconds 0.4 --fps 5 --size 320 240 -o v.gif", 0, "^v.gif", {}),
     ("show two-cable -o two.png", 0, "two-cable…two.png", {}),
     *((f"{command.replace(' ', f' {name}.toml ', 1)}", (0, 1) if command.startswith("clear") else 0, "", {})
       for command in ("sweep --grid 2 1 1 -o s.nc", "map --points 3 -o map.png", "check --grid 1 1 1", "show -o a.png",

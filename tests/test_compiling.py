@@ -55,6 +55,7 @@ KINDS = {
     "nonlinear": {"stiffening": (20.0, 500.0)},
     "mass": {"linear_density": 0.05},
     "pulleys, nonlinear, mass": {"pulley_radius": 0.1, "stiffening": (20.0, 500.0), "linear_density": 0.05},
+    "frame": {"exit_compliance": (1e-5, 0, 3e-5), "linear_density": [0.02, 0.0] * 4, "pulley_radius": [0.1, 0] * 4},
     "memory": {
         "hysteresis": [(0.2, 2e-4, 0.05)],
         "creep": [(1e5, 60.0)],

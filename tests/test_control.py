@@ -1,7 +1,6 @@
 """Controllers, each against what statics or arithmetic says its motion must come to."""
 
 import itertools
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,19 +37,6 @@ def wrong(robot: cdpr.Robot) -> cdpr.Robot:
 BELIEVED = wrong(ROBOT)
 
 
-@dataclass
-class Aside:
-    """Another controller, whose run begins with two cables 3 mm shorter: it has somewhere to go."""
-
-    inner: cdpr.Controller
-
-    def start(self, reference: cdpr.Reference) -> np.ndarray:
-        return np.asarray(self.inner.start(reference)) - 0.003 * (np.arange(8) < 2)
-
-    def command(self, time: float, pose: RigidTransform, measurement: cdpr.Measurement):
-        return self.inner.command(time, pose, measurement)
-
-
 def reference(*positions: list[float]) -> cdpr.Reference:
     """A line through these positions in a second."""
     return cdpr.Reference(PosePath(ROBOT, [RigidTransform.from_translation(one) for one in positions]), seconds=1.0)
@@ -84,26 +70,6 @@ def test_held_tensions_start_at_the_first_pose_however_fast_the_motion_is():
 
 
 # Lengths.
-
-
-@pytest.mark.parametrize(
-    ("controller", "lengths", "there"),
-    [
-        (RigidLengths(ROBOT), None, False),
-        (ElasticLengths(ROBOT), cdpr.compensate(ROBOT, POSE).rest_lengths, True),
-        (ElasticLengths(BELIEVED), cdpr.compensate(BELIEVED, POSE).rest_lengths, False),
-    ],
-    ids=["rigid", "elastic", "elastic, of a wrong model"],
-)
-def test_controllers_of_lengths_end_where_statics_says(controller, lengths, there):
-    """From elsewhere to the equilibrium of the lengths; with the right model that is where the platform is wanted."""
-    motion = cdpr.track(ROBOT, [POSE], Aside(controller), **CALM)
-    rest = cdpr.solve(ROBOT, POSE, lengths)
-    assert np.linalg.norm(motion.positions[0] - rest.position) > 1e-3
-    np.testing.assert_allclose(motion.positions[-1], rest.position, atol=SAME)
-    np.testing.assert_allclose(motion.tensions[-1], rest.tensions, atol=1e-5)
-    away = np.linalg.norm(motion.positions[-1] - POSE)
-    assert away < SAME if there else away > 1e-4
 
 
 def test_elastic_lengths_between_compensated_poses():

@@ -23,9 +23,6 @@ of the slope makes it 1."""
 NEGLIGIBLE = 1e-9
 """Of the difference: what is left where a quantity is of second order, or rounding is all."""
 
-SOLVED = 2e-5
-"""Relative error of central differences through the solver: its rounding over the step."""
-
 
 def stretched(robot: cdpr.Robot, pose, factors) -> cdpr.Problem:
     """Some cables taut and others slack, none close to its rest length, a force and a torque: out of balance."""
@@ -221,47 +218,6 @@ def test_energy_tension_and_tangent_of_a_law_are_one_potential():
 
 
 # --- of equilibria -------------------------------------------------------------------------------------------------
-
-
-def solved(problem: cdpr.Problem, base: cdpr.Equilibrium, name: str, step: np.ndarray) -> np.ndarray:
-    """(pose step, tensions) from ``base`` of the equilibrium of a changed problem, solved anew from beside it."""
-    aside = np.zeros(6)
-    aside[problem.robot.free] = 1e-4  # or the solver would find the old pose good enough
-    found = cdpr.solve(changed(replace(problem, pose=moved(base.pose, aside)), name, step))
-    turn = (found.rotation * base.rotation.inv()).as_rotvec()
-    return np.concatenate([found.position - base.position, turn * problem.robot.characteristic_length, found.tensions])
-
-
-ASKED = {
-    "parallel": ({}, (0.25, 0.22, 0.15), None),
-    "planar-vertical": ({}, (0.25, 0, 0.15), None),
-    "cogiro": ({"axial_stiffness": 50.0, "material": None}, (0.3, 0.25, 0.15), [0, 0, 0, 0.01, 0.02, 0]),
-    "cogiro, every property": (
-        dict(linear_density=[5e-3] * 7 + [0], pulley_radius=[0.01] * 7 + [0], stiffening=[[1.0, 20.0]] * 7 + [[0, 0]]),
-        (0.25, 0.22, 0.15), None,
-    ),
-}  # fmt: skip
-"""Changes of a robot, pose, external wrench: under a torque the slope is not symmetric."""
-
-
-@pytest.mark.parametrize("name", ASKED)
-def test_sensitivities_are_those_of_the_solver(name):
-    """All numbers of each parameter at once, off the middle, against solving anew on both sides."""
-    changes, pose, load = ASKED[name]
-    robot = cdpr.load_robot(name.split(",")[0]).replace(**{"material": "fishing-0.4mm"} | changes)
-    answer = cdpr.sensitivity(robot, pose, external_wrench=load)
-    base = answer.equilibrium
-    problem, units = base.problem, np.repeat([1.0, robot.characteristic_length], 3)
-    assert set(answer.pose) == set(answer.tensions) == set(derivatives.parameters(robot))
-    for parameter in answer.pose:
-        step = 2e-3 * along(problem, parameter)
-        if parameter == "linear_density":
-            step[-1] = 0
-        up, down = (solved(problem, base, parameter, sign * step) for sign in (1, -1))
-        exact = np.concatenate([units * (answer.pose[parameter] @ step), answer.tensions[parameter] @ step])
-        far = np.abs((up - down) / 2 - exact)
-        for some in (slice(6), slice(6, None)):
-            assert far[some].max() <= SOLVED * np.abs(exact[some]).max() + 1e-9 * problem.load, parameter
 
 
 def test_moving_the_whole_frame_moves_the_platform_along(catalogue):

@@ -1,9 +1,6 @@
 """One batch of answers for both methods: each row is the single ``Equilibrium``, or says why there is none."""
 
-import copy
 import dataclasses
-import pickle
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -11,7 +8,6 @@ from sample_problems import garage_crane
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.constraints import ALL_TAUT
@@ -126,42 +122,6 @@ def test_a_trajectory_is_a_batch_with_times(catalogue):
     static = cdpr.solve_trajectory(motion)
     assert static.problems is motion.problems
     np.testing.assert_allclose(static[-1].position, one.position, atol=1e-6)
-
-
-def arrays_in(value: object, path: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """All arrays in a value of this package and in the values that it holds, by their names."""
-    if isinstance(value, np.ndarray):
-        yield path, value
-    elif isinstance(value, (cdpr.Robot, cdpr.Problem, cdpr.Problems, cdpr.Equilibrium, cdpr.EquilibriumBatch, Cabling)):
-        for field in dataclasses.fields(value):
-            if not field.name.startswith("_"):
-                yield from arrays_in(getattr(value, field.name), f"{path}.{field.name}")
-
-
-MADE = {
-    "robot": lambda robot: robot,
-    "cabling": lambda robot: robot.cabling,
-    "problem": lambda robot: cdpr.Problem.of(robot, TILTED),
-    "problems": lambda robot: cdpr.Problems.of(robot, [TILTED, PUSHED]),
-    "equilibrium": lambda robot: cdpr.solve(robot, TILTED),
-    "solved": lambda robot: cdpr.solve_many(robot, [TILTED, PUSHED]),
-    "settled": lambda robot: cdpr.settle_many(robot, [TILTED, PUSHED]),
-    "trajectory": lambda robot: cdpr.settle_trajectory(robot, TILTED)[1],
-}
-
-
-@pytest.mark.parametrize("make", MADE)
-def test_values_are_frozen_and_so_are_their_copies(catalogue, make):
-    """MuJoCo's model of a robot is kept: an array that could be written would be answered with the old one."""
-    original = MADE[make](catalogue["parallel"])
-    arrays = dict(arrays_in(original))
-    assert len(arrays) > 1
-    for other in (original, pickle.loads(pickle.dumps(original)), copy.deepcopy(original)):
-        same = dict(arrays_in(other))
-        assert same.keys() == arrays.keys()
-        for name, array in same.items():
-            np.testing.assert_array_equal(array, arrays[name])
-            assert not array.flags.writeable, name
 
 
 # --- slack -----------------------------------------------------------------------------------------------------------

@@ -1,11 +1,11 @@
 """Exits that give way (``exit_compliance``): closed forms in statics and in MuJoCo, limits, and what refuses them."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import compiling
 from cdpr_sim.robots.robot_file_text import as_toml
 
 EXACT = 1e-9
@@ -38,19 +38,6 @@ def test_a_mass_on_a_plumb_cable_sinks_by_the_stretch_and_the_frames_own(solve):
     expected = MASS * G * (2.0 / EA + 3e-3)
     assert sunk(solve, (1e-4, 2e-4, 3e-3)) == pytest.approx(expected, abs=EXACT)
     assert sunk(solve, (1e-4, 2e-4, 3.03e-3)) != pytest.approx(expected, abs=EXACT)
-
-
-@pytest.mark.parametrize("law", [{}, {"reeving": 2}])
-def test_the_same_compliance_in_all_directions_is_rope_behind_the_exit(solve, law):
-    """Of straight massless cables: c n EA more of it, n parts of line pulling at the exit, each with its share."""
-    robot = cdpr.load_robot("cogiro").replace(**law)
-    pose, parts = np.append(np.add(robot.home, [0.05, 0.05, 0.02]), [0.02, 0.01, 0.0]), law.get("reeving", 1)
-    given = solve(robot.replace(exit_compliance=3e-5), pose)
-    same = solve(robot.replace(winch_to_exit=3e-5 * parts**2 * robot.axial_stiffness), pose)
-    np.testing.assert_allclose(given.position, same.position, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(given.rotation_matrix, same.rotation_matrix, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(given.tensions, same.tensions, rtol=0, atol=1e-7 * robot.weight)
-    assert np.abs(given.position - solve(robot, pose).position).max() > 1e3 * EXACT
 
 
 def mirrored(compliance: float) -> tuple[cdpr.Robot, float]:
@@ -88,57 +75,71 @@ def test_a_small_compliance_acts_in_proportion(solve):
     assert np.abs(small - 10 * tenth).max() < 1e-2 * np.abs(small).max()
 
 
-def test_exits_that_are_free_sideways_hang_plumb_above_their_anchors():
-    """The limit of an infinite compliance along x: each of two cables carries half the weight straight down."""
-    anchors = [(-0.1, 0, 0), (0.1, 0, 0)]
-    robot = hung([(-1.5, 0, 3), (1.5, 0, 3)], anchors, exit_compliance=(1e5, 0, 0), mobility="planar")
-    found = cdpr.solve(robot, (0, 0, 1.6), [2.0, 2.0])
-    np.testing.assert_allclose(found.position, (0, 0, 3 - 2 * (1 + MASS * G / 2 / EA)), atol=1e-5)
-    np.testing.assert_allclose(found.tensions, MASS * G / 2, rtol=1e-5)
+class Lowered:
+    """A controller whose winch lets out a millimetre at once."""
+
+    def start(self, reference):
+        return np.array([2.0])
+
+    def command(self, time, pose, measurement):
+        return np.array([2.001])
 
 
-MASS_OF_SOME = {"linear_density": [0.02, 0.0] * 4}
-REMEMBERS = {"hysteresis": [(0.1, 1e-3)], "pulley_friction": 0.03}
+def decay(compliance: float, damping: float) -> complex:
+    """Complex angular frequency [1/s] of a mass that was lowered on a plumb cable, by linear prediction."""
+    robot = hung([(0, 0, 3)], [(0, 0, 0)], exit_compliance=(0, 0, compliance), mobility="planar")
+    motion = cdpr.track(robot, [(0, 0, 1)], Lowered(), seconds=3, rate=50, damping=0, cable_damping=damping)
+    z = motion.positions[2:, 2]
+    past = np.stack([z[1:-1], z[:-2], np.ones(len(z) - 2)], axis=1)
+    two = np.linalg.lstsq(past, z[2:], rcond=None)[0]
+    return complex(np.log(np.roots([1, -two[0], -two[1]]).astype(complex))[0] * 50)
 
 
-def mixed(**properties):
-    return cdpr.load_robot("cogiro").replace(
-        exit_compliance=[[1e-5, 0, 3e-5]] * 4 + [[0, 0, 0], [2e-5, 2e-5, 2e-5], [0, 1e-5, 0], [0, 0, 0]],
-        pulley_radius=[0.01, 0.01, 0, 0] * 2, reeving=[1, 1, 1, 2] * 2, winch_to_exit=0.2, rigid_length=0.02,
-        **properties,
-    )  # fmt: skip
+@pytest.mark.parametrize("compliance", [0.0, 1e-3, 4e-3])
+def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
+    """A mass on a spring k with the damper c k, and the frame's spring in series: m s² + 1/(1/(k (1 + c s)) + C) = 0.
+
+    With the whole motion in the damper, oscillations would decay up to nine times as fast.
+    """
+    k, c = EA / 2.0, 2e-3
+    # m s² (1 + C k (1 + c s)) + k (1 + c s) = 0
+    roots = np.roots([MASS * compliance * k * c, MASS * (1 + compliance * k), k * c, k])
+    expected = roots[np.argmax(roots.imag)]
+    found = decay(compliance, c)
+    assert abs(found.imag) == pytest.approx(expected.imag, rel=1e-3)
+    assert found.real == pytest.approx(expected.real, rel=2e-2)
+    assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
 
 
-def test_mass_and_memory_together_are_of_statics_alone():
-    robot = mixed(**MASS_OF_SOME, **REMEMBERS)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    assert cdpr.solve(robot, pose).stable
-    with pytest.raises(cdpr.InvalidInput, match="expected at most two of the three"):
-        cdpr.settle(robot, pose)
+def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
+    """Stepped, the platform comes to the equilibrium of its lengths; reset there, nothing is unbalanced."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], pulley_radius=0.01)
+    wanted = robot.rest_lengths(np.add(robot.home, [0.03, 0.0, 0.02]))
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
+    data = mujoco.MjData(model)
+    data.ctrl = cdpr.winch_controls(robot, robot.home, wanted)
+    mujoco.mj_step(model, data, nstep=round(10 / model.opt.timestep))
+    solved = cdpr.solve(robot, robot.home, wanted)
+    np.testing.assert_allclose(data.body("platform").xpos, solved.position, rtol=0, atol=EXACT)
+    rigid = cdpr.solve(robot.replace(exit_compliance=0), robot.home, wanted)
+    assert np.abs(rigid.position - solved.position).max() > 1e3 * EXACT
+    cdpr.reset(model, data, solved.pose, rest_lengths=wanted)
+    left = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    assert np.abs(left).max() < 1e-8 * robot.weight
+    with pytest.raises(cdpr.InvalidInput, match="pretension: found exits that give way"):
+        cdpr.reset(model, data, solved.pose, pretension=1.0)
 
 
-@pytest.mark.parametrize("more", [MASS_OF_SOME, REMEMBERS], ids=["mass", "memory"])
-def test_both_methods_agree_where_everything_is_mixed(more):
-    """Wheels, parts of line, rigid ends, and mass or memory."""
-    robot = mixed(**more)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    one, other = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
-    np.testing.assert_allclose(one.position, other.position, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(one.lengths, other.lengths, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(one.tensions, other.tensions, rtol=0, atol=1e-8 * robot.weight)
-
-
-def test_compiled_and_interpreted_equilibria_are_equal_to_the_last_bit(monkeypatch):
-    """Of cables with and without wheels and mass."""
-    robot = cdpr.load_robot("cogiro").replace(
-        exit_compliance=[1e-5, 0, 3e-5], linear_density=[0.02, 0.0] * 4, pulley_radius=[0.01, 0.01, 0, 0] * 2
-    )
-    poses = robot.home + np.random.default_rng(1).uniform(-0.05, 0.05, (150, 3))
-    compiled = cdpr.solve_many(robot, poses)
-    monkeypatch.setattr(compiling, "INTERPRETED", True)
-    interpreted = cdpr.solve_many(robot, poses[140:])
-    for name in ("positions", "rotations", "tensions", "lengths", "residuals"):
-        np.testing.assert_array_equal(getattr(compiled, name)[140:], getattr(interpreted, name))
+@pytest.mark.parametrize(
+    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
+)
+def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
+    """And so are dampers of cables, where the body of an exit would oscillate."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-5, **more)
+    with pytest.raises(cdpr.InvalidInput, match=f"winches: found exit_compliance in cable 1 beside {beside}"):
+        cdpr.to_mjcf(robot, robot.home, winches=True)
+    with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
+        cdpr.to_mjcf(robot, robot.home, damping="none")
 
 
 def test_one_number_stands_for_three():

@@ -57,27 +57,6 @@ def test_where_the_commanded_pose_leads_elsewhere_it_is_said():
     assert not found.reached_from_commanded
 
 
-def noisy(robot: cdpr.Robot, positions: np.ndarray, noise: tuple[float, float], rng) -> cdpr.Measurements:
-    """What ``robot`` measures at the commanded positions, with errors of positions [m] and of angles [rad]."""
-    equilibria = cdpr.solve_many(robot, positions)
-    errors = rng.normal(size=(len(positions), 6)) * np.repeat(noise, 3)
-    return cdpr.Measurements.of(positions, np.hstack([equilibria.positions, equilibria.euler]) + errors)
-
-
-@pytest.mark.parametrize("ratio", [0.1, 10.0])
-def test_errors_of_positions_and_angles_are_judged_apart(catalogue, ratio):
-    """However they compare, each is found: of five times 24 numbers, to 7 %."""
-    robot = catalogue["cogiro"].replace(axial_stiffness=1e3)
-    noise = 1e-5, ratio * 1e-5 / robot.characteristic_length
-    rng = np.random.default_rng(1)
-    positions = rng.uniform([0.2, 0.15, 0.1], [0.6, 0.35, 0.25], (8, 3))
-    fits = [cdpr.identify(robot, noisy(robot, positions, noise, rng)) for _ in range(5)]
-    judged = np.mean([[*found.scatters.values()] for found in fits], axis=0)
-    assert judged == pytest.approx(noise, rel=0.15)
-    # Negative control: that an angle's error is a position's over the arm, as was assumed, is far off.
-    assert judged[1] != pytest.approx(noise[0] / robot.characteristic_length, rel=0.8)
-
-
 def test_the_search_for_saddles_goes_on_until_none_is_known_to_be_missing(catalogue, monkeypatch):
     """The first search misses the saddle: the count of the known equilibria says so, and another search finds it."""
     search, starts = equilibria._stiffened_roots, []

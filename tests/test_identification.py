@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.identifiability import WORSE
+from cdpr_sim.analysis.identifiability import WORSE, certainty
 from cdpr_sim.analysis.identification_model import UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis_tables import identification_note, identification_table
@@ -410,3 +410,14 @@ def test_the_papers_15_mm_need_cables_ten_times_softer_than_assumed(catalogue):
     ]
     assert heights[:3] == pytest.approx([-15, -8.34, -7.6], abs=0.02)
     assert heights[3] < -50
+
+
+def test_unknowns_that_look_alike_are_named_in_one_sentence_for_each_group():
+    """Five that together change almost nothing are ten pairs; two others are a group of their own."""
+    slope = np.random.default_rng(4).normal(size=(60, 7))
+    slope[:, 4] -= 100 * slope[:, :4].sum(1)
+    slope[:, 6] += 100 * slope[:, 5]
+    reasons = certainty(slope, list("abcdefg"), [(np.inf, "")] * 7)[2]
+    first, second = (one for one in reasons if "hardly distinguish" in one)
+    assert first.startswith("the data hardly distinguish a, b, c, d and e: correlations up to +")
+    assert second.startswith("the data hardly distinguish f and g: correlation -1.0000")

@@ -22,6 +22,7 @@ import pytest
 import cdpr_sim as cdpr
 import paper_figures
 from cdpr_sim.cli import COMMANDS
+from cdpr_sim.core import compiling
 
 ROOT = Path(__file__).parents[1]
 FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -61,7 +62,7 @@ NEEDED = {"docs/how-to/gradients.md": "jax", "docs/how-to/warp.md": "mujoco_warp
 def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., list]]:
     """Runs blocks of a page in new processes in a folder, with a wheel that is built where sources changed.
 
-    It has one place, since compiled code belongs to a place.
+    It has one place, since compiled code belongs to a place, and what was compiled for the checkout.
     """
     filelock = pytest.importorskip("filelock")
     shared, wheel = tmp_path_factory.getbasetemp(), ROOT / ".pytest_cache" / "wheel"
@@ -75,9 +76,11 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
             install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(wheel)]
             install += ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
             subprocess.run([*install, str(ROOT)], check=True, timeout=100)
-            for path in wheel.rglob("*.py"):
-                os.utime(path, (1e9, 1e9))  # code that was compiled from the same sources in this place is used again
+            for path in files:
+                if (same := wheel / path.relative_to(ROOT)).exists():
+                    shutil.copystat(path, same)  # Numba takes code of other dates for that of other sources
             (wheel / key).touch()
+        hand_over_compiled_code(wheel)
     path = os.pathsep.join([str(wheel / "bin"), os.environ["PATH"]])
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork has no other thread
     server = subprocess.Popen(
@@ -96,6 +99,26 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
     yield run
     os.killpg(server.pid, signal.SIGKILL)
     server.communicate()
+
+
+def hand_over_compiled_code(wheel: Path) -> None:
+    """Copies what Numba keeps for the checkout's sources to where it looks for the wheel's, which are the same.
+
+    If Numba finds no use for it, it compiles.
+    """
+    ask = [sys.executable, "-c", "from cdpr_sim.core import compiling; print(compiling.place() or '')"]
+    answer = subprocess.run(
+        ask, check=True, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(wheel)}
+    )
+    mine, theirs = compiling.place(), answer.stdout.strip()
+    for source in {path.parent for path in (ROOT / "cdpr_sim").rglob("*.py")} if mine and theirs else ():
+        here, there = (
+            f"{folder.name}_{hashlib.sha1(str(folder).encode()).hexdigest()}"
+            for folder in (source, wheel / source.relative_to(ROOT))
+        )
+        for kept in mine.glob(f"*/{here}"):
+            if not (copy := Path(theirs, kept.parent.name, there)).exists():
+                shutil.copytree(kept, copy)
 
 
 def comparable(text: str) -> list[str]:

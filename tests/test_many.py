@@ -9,8 +9,6 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible_by_linprog
 from cdpr_sim.core import on_threads
-from cdpr_sim.core.robot_batch import RobotBatch
-from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.profiles import catenary, profile
 
@@ -141,35 +139,6 @@ def test_frequencies_of_a_sweep_are_those_of_natural_modes(name) -> None:
                 assert values == pytest.approx(one.eigenvalues, rel=1e-5, abs=1e-9 * one.eigenvalues[-1])
                 compared += 1
         assert compared > 1
-
-
-LAYOUTS = 12
-
-
-@pytest.mark.parametrize("copies", [1, 20])
-def test_layouts_are_solved_as_each_robot(catalogue, copies) -> None:
-    """Exits, anchors and masses differ from layout to layout, stiffnesses from case to case; and their frequencies."""
-    robot, random = catalogue["parallel"], np.random.default_rng(2)
-    robots = [
-        robot.replace(
-            exits=robot.exits + random.uniform(-0.02, 0.02, (8, 3)),
-            anchors=robot.anchors + random.uniform(-5e-3, 5e-3, (8, 3)),
-            center_of_mass=random.uniform(-0.01, 0.01, 3),
-        )
-        for _ in range(LAYOUTS)
-    ]
-    places = [(x, 0.25, 0.1) for x in np.linspace(0.25, 0.55, 3)]
-    cases = Cases.of(robot, places, stiffness=[1.0, 0.5])
-    found = solve_layouts(RobotBatch.of(robots * copies), cases, threads=1)
-    for row in range(0, LAYOUTS, 5):
-        for column in range(found.shape[1]):
-            ask = found.problems[row, column]
-            one = cdpr.solve(ask)
-            np.testing.assert_array_equal(ask.robot.exits, robots[row].exits)
-            np.testing.assert_allclose(found.positions[row, column], one.position, rtol=0, atol=SAME)
-            if one.stable:
-                frequency = cdpr.natural_modes(one).frequencies[0]
-                assert found.frequencies[row, column] == pytest.approx(frequency, rel=1e-5)
 
 
 # --- rigid cables --------------------------------------------------------------------------------------------------

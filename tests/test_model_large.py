@@ -13,8 +13,6 @@ G = 9.81
 SIDE = 0.1
 """[m] Half the side of a box."""
 
-AXES = "1 0 0", "0 1 0", "0 0 1"
-
 BALANCED = 1e-6
 """Force that a body's balance may leave, as a fraction of its weight: the residual of the search is below 1e-8."""
 
@@ -144,36 +142,6 @@ def test_independent_bodies_are_displaced_together_and_the_stiffness_is_the_same
         ahead, behind = (forces.net(forces.moved(found.qpos, sign * step)).force for sign in (1, -1))
         alone[:, dof] = (behind - ahead) / (2 * stiffness.STEP)
     assert np.abs(together - alone).max() < ROUNDED * np.abs(alone).max()
-
-
-def test_bodies_that_touch_are_not_displaced_together(monkeypatch):
-    """The comparison of stiffnesses can fail: without the contacts, neighbours count as independent, and it does."""
-    model = on_slope(1, 3, 0.2)
-    found = cdpr.settle_model(model)
-    forces, every = RestForces(model, mujoco.MjData(model)), [np.arange(model.nv)]
-    (right,) = stiffness.stiffness_of(forces, found.qpos, every)
-
-    def apart(model: mujoco.MjModel, data: mujoco.MjData) -> list:
-        empty = mujoco.MjData(model)
-        empty.qpos[2::7] = [1, 3, 5]
-        mujoco.mj_forward(model, empty)
-        return displaced_together(model, empty)
-
-    monkeypatch.setattr(stiffness, "displaced_together", apart)
-    (wrong,) = stiffness.stiffness_of(forces, found.qpos, every)
-    assert np.abs(wrong - right).max() > 100 * ROUNDED * np.abs(right).max()
-
-
-def test_damping_that_only_delays_does_not_keep_a_model_from_rest():
-    """A pendulum that would need ten minutes: 2 kg at 0.5 m against 1000 N m s."""
-    model = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><body><joint axis="0 1 0" damping="1000"/><geom size=".05" pos=".5 0 0" mass="2"/></body>'
-        "</worldbody></mujoco>"
-    )
-    found = cdpr.settle_model(model)
-    assert found.qpos == pytest.approx([np.pi / 2], abs=1e-9)
-    assert found.way == "motion"
-    assert found.iterations["time steps"] < 3000
 
 
 def test_noslip_is_left_out_and_said():

@@ -1,7 +1,6 @@
 import mujoco
 import numpy as np
 import pytest
-from sample_problems import hanging_mass
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -61,29 +60,3 @@ def test_shapes_have_unit_kinetic_energy_and_diagonalise_the_stiffness(catalogue
     assert 0.5 * modes.shapes @ mass @ modes.shapes.T == pytest.approx(np.eye(6), abs=1e-9)
     centred = mass_matrix(cdpr.Problem.of(robot.replace(center_of_mass=(0, 0, 0)), (0.3, 0.2, 0.1)), rotation)
     assert np.abs(0.5 * modes.shapes @ centred @ modes.shapes.T - np.eye(6)).max() > 1e-3
-
-
-def test_a_mass_on_one_cable_bounces_and_swings_as_closed_forms_say():
-    """ω² = EA / (l0 m) along the cable, and one direction that nothing holds: 0 Hz, not the root of a rounding."""
-    problem = hanging_mass()
-    modes = cdpr.natural_modes(problem)
-    expected = np.sqrt(problem.axial_stiffness[0] / problem.rest_lengths[0] / problem.mass) / (2 * np.pi)
-    assert np.abs(modes.frequencies - expected).min() < 1e-9
-    assert modes.frequencies[0] == 0
-    swept = cdpr.sweep(problem.robot, poses=problem.pose.translation[None], quantities=["frequency"], chunk=None)
-    assert swept.frequency.item() == 0
-
-
-def test_a_mass_on_a_stiff_cable_swings_like_a_pendulum():
-    """f = sqrt(g / l) / 2 pi with l from exit to centre of mass: with hardly any inertia it stays in line."""
-    length, offset = 1.5, 0.3
-    robot = cdpr.Robot(
-        exits=[[0, 0, 2]], anchors=[[0, 0, offset]], axial_stiffness=1e9, mass=3.0, mobility="planar",
-        center_of_mass=[0, 0, 0], inertia=[1e-7] * 3, platform_size=[0.1] * 3,
-    )  # fmt: skip
-    pose = np.array([0, 0, 2 - offset - length])
-    expected = np.sqrt(robot.gravity / (length + offset)) / (2 * np.pi)
-    swept = cdpr.sweep(robot, poses=pose[None], quantities=["frequency"], chunk=None)
-    # Inertia, 1e-7 of m l², and strain, 1e-8, are not quite 0.
-    for frequency in (cdpr.natural_modes(robot, pose).frequencies[0], swept.frequency.item()):
-        assert frequency == pytest.approx(expected, rel=1e-6)

@@ -1,8 +1,6 @@
 """What the solver promises beyond the balance of forces, which ``test_matrix.py`` and ``test_golden.py`` judge."""
 
-import copy
 import dataclasses
-import pickle
 import subprocess
 import sys
 
@@ -10,14 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from sample_problems import grid, hanging_mass, paper_line, random_problems
-from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.statics import forces, newton
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING
-
-POSITION = 1e-8
-"""[m] A residual of 2e-9 of the weight over a platform as soft as 1 weight per metre."""
 
 
 def balanced(problem: cdpr.Problem) -> float:
@@ -176,64 +170,6 @@ def test_solving_computes_nothing_that_nobody_asked_for(catalogue, monkeypatch):
 
 
 # --- invariances -----------------------------------------------------------------------------------------------------
-
-MIRROR = np.diag([1.0, -1.0, 1.0])
-
-UNCHANGED = dict(order=np.arange(8), world=np.eye(3), platform=np.eye(3), shift=np.zeros(3), scale=1.0)
-
-INVARIANCES = {
-    "order of cables": dict(order=np.arange(8)[::-1]),
-    "place and heading": dict(world=Rotation.from_rotvec([0, 0, 0.7]).as_matrix(), shift=np.array([3.0, -2.0, 1.0])),
-    "mirror image": dict(world=MIRROR, platform=MIRROR),
-    "metres in hundreds": dict(scale=1e-2),
-    "millimetres": dict(scale=1e3),
-}
-"""What cannot matter: exits and poses in another world, anchors in another platform, with the same forces."""
-
-EVERY_PROPERTY = dict(
-    linear_density=[5e-4] * 7 + [0], pulley_radius=np.linspace(0, 0.014, 8), pulley_axis=(0.1, 0.2, -1),
-    stiffening=[(0, 0)] * 3 + [(100, 2e4)] * 5, winch_to_exit=[0.5, 0] * 4, reeving=[1, 2, 1, 1, 3, 1, 1, 2],
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("changes", [{}, EVERY_PROPERTY], ids=["plain", "every property"])
-@pytest.mark.parametrize("what", INVARIANCES)
-def test_what_cannot_matter_does_not(catalogue, what, changes):
-    """Order, place, heading, mirror image and units, of plain cables, four of them slack, and of all others."""
-    robot, pose = catalogue["parallel"].replace(**changes), np.array([0.2, 0.2, 0.12])
-    order, world, platform, shift, scale = (UNCHANGED | INVARIANCES[what]).values()
-    other = cdpr.Robot(
-        scale * robot.exits[order] @ world.T + shift, scale * robot.anchors[order] @ platform.T,
-        robot.axial_stiffness[order], robot.mass, pulley_radius=scale * robot.pulley_radius[order],
-        pulley_axis=robot.pulley_axis[order] @ world.T, linear_density=robot.linear_density[order] / scale,
-        stiffening=robot.stiffening[order], winch_to_exit=scale * robot.winch_to_exit[order],
-        reeving=robot.reeving[order],
-    )  # fmt: skip
-    result = cdpr.solve(robot, pose)
-    moved = cdpr.solve(
-        other, RigidTransform.from_components(scale * world @ pose + shift, Rotation.from_matrix(world @ platform.T))
-    )
-    expected = scale * world @ result.position + shift
-    np.testing.assert_allclose(moved.position, expected, rtol=0, atol=POSITION * scale)
-    turned = world @ result.rotation_matrix @ platform.T
-    np.testing.assert_allclose(moved.rotation_matrix, turned, rtol=0, atol=1e-7)
-    np.testing.assert_allclose(moved.tensions, result.tensions[order], rtol=0, atol=1e-6)
-
-
-def test_an_equilibrium_is_copied_whole_before_and_after_it_was_asked(catalogue):
-    """Pickled, deep-copied or with a changed field, all that it says is the same."""
-    one = cdpr.solve(catalogue["cogiro"], (0.3, 0.25, 0.1))
-    copies = [pickle.loads(pickle.dumps(one)), copy.deepcopy(one), dataclasses.replace(one)]
-    assert one.stable
-    copies += [pickle.loads(pickle.dumps(one)), copy.deepcopy(one), cdpr.Equilibrium(**vars(one))]
-    for other in copies:
-        np.testing.assert_array_equal(other.eigenvalues, one.eigenvalues)
-        np.testing.assert_array_equal(other.pose.as_matrix(), one.pose.as_matrix())
-        np.testing.assert_array_equal(other.tensions, one.tensions)
-    elsewhere = dataclasses.replace(one, pose=one.problem.pose)
-    np.testing.assert_array_equal(elsewhere.position, [0.3, 0.25, 0.1])
-    assert elsewhere.pose is one.problem.pose
-
 
 # --- the last bit ----------------------------------------------------------------------------------------------------
 

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.core import cable_path
 from cdpr_sim.core.describe import describe_twist
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_equilibria import Cases
@@ -69,26 +68,6 @@ def test_a_string_is_as_stiff_as_its_pretension_makes_it(method):
         assert found.slack.sum() == slack
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_a_planar_table_is_held_where_it_is_pretensioned(method, gravity):
-    """Away from the middle, turned; from where it is pushed to it comes back. Without pretension nothing holds it."""
-    exits, anchors = (
-        [(x, 0, z) for x in (-1, 1) for z in (-0.8, 0.8)],
-        [(x, 0, z) for x in (-0.1, 0.1) for z in (0.06, -0.06)],
-    )
-    robot, pose = planar(exits, anchors, gravity, mass=2.0), (0.2, 0, 0.1, 0, 0.05, 0)
-    lengths = robot.rest_lengths(pose, 60.0)
-    found = method(robot, (0.25, 0, 0.05), lengths)
-    assert off(found, pose) < HELD
-    assert found.stable
-    assert cdpr.solve(robot, pose, lengths).tensions.mean() == pytest.approx(60, rel=0.25)
-    if gravity == 0:
-        loose = method(robot, pose)
-        assert loose.stability is cdpr.Stability.NEUTRAL
-        assert len(cdpr.neutral_directions(loose)) == 3
-
-
 # --- lengths for tensions --------------------------------------------------------------------------------------------
 
 
@@ -138,15 +117,6 @@ def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, change):
         found = method(held, poses)
         assert np.abs(found.deviation).max() < HELD
         np.testing.assert_allclose(found.rest_lengths, [held.rest_lengths(pose) for pose in poses], rtol=1e-12)
-
-
-def test_wrench_matrix_of_the_question_is_that_of_the_statics(catalogue):
-    """Over pulleys and straight; its slope by the lengths is a row of ``test_derivatives.py``."""
-    robot = catalogue["cogiro"].replace(pulley_radius=[0.01, 0] * 4, pulley_axis=(0, 0, 1))
-    at = robot.pose((0.3, 0.2, 0.1, 0.1, -0.2, 0.3))
-    there = at.translation, at.rotation.as_matrix()
-    matrix = cable_path.wrench_matrix(robot.cabling, *there)
-    np.testing.assert_allclose(matrix, forces.geometry(robot, *there).wrench_matrix, atol=1e-15)
 
 
 @pytest.mark.parametrize("gravity", [0.0, 9.81])

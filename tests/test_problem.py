@@ -41,6 +41,7 @@ QUESTIONS = {
     "sensitivity": lambda *ask, **more: cdpr.sensitivity(*ask, **more).pose["exits"],
     "natural_modes": lambda *ask, **more: cdpr.natural_modes(*ask, **more).frequencies,
     "find_equilibria": lambda *ask, **more: cdpr.find_equilibria(*ask, starts=20, **more)[0].position,
+    "compensate": lambda *ask, **more: cdpr.compensate(*ask, **more).rest_lengths,
     "follow_load": lambda *ask, **more: cdpr.follow_load(*ask, **more).reached.position,
     "grow_gravity": lambda *ask, **more: cdpr.grow_gravity(*ask, seconds=0.2).position,
 }

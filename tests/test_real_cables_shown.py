@@ -9,19 +9,15 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from rich.console import Console
-from test_real_cables_physics import wheel_by_hand
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 import paper_ends
 import real_cables
 import robots_on_axes as drawing
 import tilt_condition
-from cdpr_sim.cli import app
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.physics.model_files import model_files
-from cdpr_sim.robots.robot_file_text import as_toml
 from cdpr_sim.statics import two_cable_closed_form
 
 POSE = (0.3, 0.25, 0.1)
@@ -71,28 +67,6 @@ def test_cables_over_pulleys_are_drawn_as_long_as_mujoco_has_them(catalogue, nam
             assert (curve[-2] - center) @ (curve[-1] - curve[-2]) == pytest.approx(0, abs=1e-12)
 
 
-def test_heavy_cables_hang_in_their_true_shape(catalogue):
-    """Ends where the cable ends; slack ones as long as they are, taut ones with the sag w L²/(8 T)."""
-    robot = catalogue["planar-vertical"].replace(linear_density=0.005)
-    equilibria = cdpr.solve_many(robot, [(0.2, 0.0, 0.15)])
-    shapes = cdpr.cable_profiles(equilibria, points=401)
-    assert shapes.shape == (1, 4, 401, 3)
-    ax, (slack,) = Figure().add_subplot(), equilibria.slack
-    drawing.draw_cables(ax, robot, equilibria.positions[0], equilibria.rotations[0], slack, shapes=shapes[0])
-    assert set(slack) == {True, False}
-    anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
-    for cable, line in enumerate(ax.lines):
-        curve, start, end = line.get_xydata(), robot.exits[cable, [0, 2]], anchors[cable, [0, 2]]
-        assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
-        if slack[cable]:
-            assert length(curve) == pytest.approx(equilibria.rest_lengths[0, cable], rel=2e-4)
-            continue
-        weight, span, chord = 0.005 * robot.gravity, np.abs(end - start)[0], np.linalg.norm(end - start)
-        pull, middle = equilibria.tensions[0, cable] * span / chord, (start + end) / 2
-        sag = middle[1] - np.interp(middle[0], *curve[np.argsort(curve[:, 0])].T)
-        assert sag == pytest.approx(weight * chord * span / (8 * pull), rel=PARABOLA)
-
-
 def test_shapes_are_given_or_need_not_be(catalogue):
     """Sheared where a cable ends elsewhere; straight without mass; and none over a pulley."""
     robot = catalogue["cogiro"]
@@ -113,20 +87,6 @@ def test_a_models_readme_says_which_law_holds(catalogue):
     assert "a2 eps²" in model_files(robot.replace(stiffening=(20.0, 0.0)))["README.md"]
     over = model_files(robot.replace(pulley_radius=0.02, pulley_axis=UP))["README.md"]
     assert "tension is EA (l - l0)/l0 beyond" in over
-
-
-def test_a_video_drives_cables_with_mass(tmp_path, monkeypatch):
-    """With rigid and with compensated lengths."""
-    file, motions = tmp_path / "mine.toml", []
-    file.write_text(as_toml(cdpr.load_robot("planar-vertical").replace(linear_density=0.0005)), encoding="utf-8")
-    monkeypatch.setattr("cdpr_sim.cli.picture_commands.COMPENSATED_WAYPOINTS", 3)
-    monkeypatch.setattr(
-        "cdpr_sim.report.robot_summary.write_both_methods", lambda _, trajectories, **__: motions.extend(trajectories)
-    )
-    words = ["--compensate", "--path", "0.4", "0.41", "--drive-seconds", "0.2", "--seconds", "0.5", "--fps", "10"]
-    answer = CliRunner().invoke(app, ["video", str(file), *words, "-o", str(tmp_path / "mine.gif")])
-    assert answer.exit_code == 0, answer.output
-    assert [motion.status[-1] for motion in motions] == [cdpr.Status.MOVING] * 2
 
 
 def test_studies_take_account_of_real_cables_where_they_can(catalogue):
@@ -152,7 +112,7 @@ def test_point_exit_lengths_change_as_straight_cables_do(catalogue):
     home, there = robot.home, np.array(POSE)
     lengths = real_cables.point_exit_lengths(robot, [home, there])
     for cable, (exit_point, anchor) in enumerate(zip(robot.exits, robot.anchors, strict=True)):
-        at_home, _ = wheel_by_hand(exit_point, np.array(UP), 0.02, home + anchor)
+        at_home = robot.rest_lengths(home)[cable]
         change = np.linalg.norm(there + anchor - exit_point) - np.linalg.norm(home + anchor - exit_point)
         assert lengths[:, cable] == pytest.approx([at_home, at_home + change], abs=1e-12)
 
@@ -182,31 +142,6 @@ def test_effects_are_differences_of_single_solves(number):
             assert found.turns[row] == pytest.approx(abs(one.tilt - other.tilt), abs=1e-5)
         off = np.linalg.norm(alone[plain].deviation)
         assert effects[real_cables.ELASTICITY].shifts[row] == pytest.approx(off, abs=2e-7)
-
-
-def test_the_crane_as_it_is_is_all_properties_at_once():
-    """Displaced from the plain crane by all, and from the whole by what is left out: against single solves."""
-    case = real_cables.cases()[2]
-    (pose,) = case.commanded(1)
-    given = dict(
-        pulley_radius=case.radius, linear_density=case.density, winch_to_exit=case.behind,
-        stiffening=real_cables.STIFFENING,
-    )  # fmt: skip
-    none = {name: (0.0, 0.0) if name == "stiffening" else 0.0 for name in given}
-    words = (real_cables.AWARE, real_cables.MASS, real_cables.BEHIND, real_cables.NONLINEAR)
-    found = {effect.what: effect for effect in real_cables.together(case, 1)}
-    assert all(one.unsettled == 0 and one.method_difference < 1e-9 for one in found.values())
-    others = {real_cables.TOGETHER: none} | {
-        f"without {what}": given | {name: none[name]} for name, what in zip(given, words, strict=True)
-    }
-    assert found.keys() == others.keys()
-    whole = cdpr.solve(case.robot.replace(pulley_axis=UP, **given), pose)
-    for what, changes in others.items():
-        shift = np.linalg.norm(
-            cdpr.solve(case.robot.replace(pulley_axis=UP, **changes), pose).position - whole.position
-        )
-        assert found[what].shifts[0] == pytest.approx(shift, abs=1e-9)
-        assert shift > 1e-5
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from drawn_figures import UP, rests
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 import paper_figures
 import robots_on_axes
-from cdpr_sim.cli import app
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video.scene import Stage
@@ -87,25 +85,3 @@ def test_what_cannot_be_shown_is_refused_in_one_sentence(folder, monkeypatch, as
     with pytest.raises(cdpr.CdprError, match=said) as refused:
         ask()
     assert "\n" not in str(refused.value)
-
-
-MISTAKES = [
-    ("video cogiro --z 2", "falls since cables cannot push"),
-    ("video cogiro --seconds 0", "seconds: found 0"),
-    ("video cogiro -o v.avi", "found the suffix '.avi'"),
-    ("video cogiro --size 1 1", "size: found 1 x 1"),
-    ("video cogiro --drive-seconds -1", "seconds: found -1"),
-    ("video cogiro --renderer vulkan", "unknown renderer 'vulkan'"),
-    ("report two-cable --no-video --grid 0 1 1 -o r.html", "grid"),
-    ("report two-cable --no-video --pose 0.4 0.1 0.2 -o r.html", "planar"),
-    ("report two-cable --no-video --material spaghetti -o r.html", "spaghetti"),
-    ("report two-cable --no-video -o robot.pdf", "suffix '.pdf'"),
-]
-
-
-@pytest.mark.parametrize(("words", "said"), MISTAKES)
-def test_a_users_mistake_gets_one_sentence_and_exit_status_2(folder, words, said):
-    """Of the commands that write films and pages, and before the platform is driven anywhere."""
-    result = CliRunner().invoke(app, words.split())
-    assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1

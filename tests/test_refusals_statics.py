@@ -100,12 +100,9 @@ single = (
 
 REFUSED = [
     # A robot.
-    (robot, dict(exits=[[NAN, 0, 1]] * 3), "exits: found nan, expected finite"),
-    (robot, dict(anchors=[[0, 0, INF]] * 3), "anchors: found inf, expected finite"),
     (robot, dict(exits=[[0, 0]] * 3), r"exits: found an array of shape \(3, 2\), expected shape \(any, 3\)"),
     (robot, dict(anchors=ANCHORS[:2]), r"anchors: found an array of shape \(2, 3\), expected shape \(3, 3\)"),
     (robot, dict(exits=np.empty((0, 3)), anchors=np.empty((0, 3))), "exits: found no cable"),
-    (robot, dict(exits="here"), "exits: found 'here', expected numbers"),
     (robot, dict(axial_stiffness=[1e3, 0, 1e3]), "axial_stiffness: found 0 N, expected more than 0"),
     (robot, dict(axial_stiffness=[1e3, 1e3]), "axial_stiffness: .*expected shape"),
     (robot, dict(mass=0), "mass: found 0 kg, expected more than 0"),
@@ -145,20 +142,15 @@ REFUSED = [
     (limited, dict(force_min=INF), "force_min: found inf, expected finite numbers"),
     (limited, dict(force_max=0), "force_max: found 0 N in cable 1, expected more than 0"),
     (limited, dict(force_max=-INF), "force_max: found -inf, expected finite numbers"),
-    (limited, dict(force_max=NAN), "force_max: found nan, expected finite numbers"),
     (limited, dict(force_max=[1, 2]), r"force_max: found an array of shape \(2,\)"),
-    (limited, dict(force_max="many"), "force_max: found 'many', expected numbers"),
     # A pose, and lengths for tensions.
     (lengths, dict(pose=(0, 0)), r"pose: found an array of shape \(2,\)"),
-    (lengths, dict(pose=(0, 0, NAN)), "pose: .*finite"),
-    (lengths, dict(pose="up"), "pose: found 'up'"),
     (lengths, dict(pose=(-0.9, 0, 1)), r"exit of cable 1 lies on its anchor"),
     (lengths, two | dict(pose=(0.4, 0.1, 0.2)), flat),
     (lengths, two | dict(pose=(0.4, 0, 0.2, 0.1, 0, 0)), flat),
     (lengths, two | dict(pose=(0.4, 0, 0.2, 0, 0.1, 0.1)), flat),
     (Pose.of, dict(pose=RigidTransform.from_translation([[1, 2, 3], [4, 5, 6]])), "stack of 2"),
     (ipanema, dict(tensions=-1.0), "found -1 N, expected 0 or more"),
-    (ipanema, dict(tensions=NAN), "finite numbers"),
     (ipanema, dict(tensions=[1, 2, 3]), r"expected shape \(8,\)"),
     (ipanema, dict(tensions=[60.0] * 8), "leave 245 N unbalanced at the pose"),
     (ipanema, dict(tensions=50.0), "found -30.16 N in cable 5 where tensions nearest to 50 N balance"),
@@ -176,7 +168,6 @@ REFUSED = [
     (problem, dict(rest_lengths=[1, 1]), r"rest_lengths: .*expected shape \(8,\)"),
     (problem, dict(rest_lengths=[1] * 7 + [0]), "rest_lengths: found 0 m, expected more than 0"),
     (problem, dict(external_wrench=[1, 2, 3]), r"external_wrench: .*expected shape \(6,\)"),
-    (problem, dict(external_wrench=[0, 0, INF, 0, 0, 0]), "external_wrench: found inf"),
     (problem, two | dict(external_wrench=[0, 1, 0, 0, 0, 0]), "external_wrench: .*planar"),
     (problem, dict(robot="parallel"), "robot: found 'parallel', expected a Robot or a Problem"),
     (problem, dict(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
@@ -194,7 +185,6 @@ REFUSED = [
     (problems, dict(poses=None), "poses: found none"),
     (problems, dict(poses=np.empty((0, 3))), "poses: found none"),
     (problems, dict(poses=[0.3, 0.25]), r"poses: found an array of shape \(2,\), expected \(..., 3\) or \(..., 6\)"),
-    (problems, dict(poses="up"), "poses: found 'up'"),
     (problems, dict(rest_lengths=np.ones((3, 8))), r"do not fit one another: poses \(2,\), rest_lengths \(3,\)"),
     (problems, dict(rest_lengths=[0.0] + [1.0] * 7), "rest_lengths: found 0 m, expected more than 0"),
     (problems, dict(rest_lengths=np.ones((2, 5))), r"lengths: found an array of shape \(2, 5\), expected \(..., 8\)"),
@@ -206,7 +196,6 @@ REFUSED = [
     (problems, dict(external_wrench=np.zeros((3, 6))), r"do not fit one another: poses \(2,\), .*wrench \(3,\)"),
     (problems, dict(rotations=2 * np.eye(3)), "rotations: found a matrix that is no rotation"),
     (problems, dict(rotations=[np.eye(3), np.diag([1, 1, -1])]), r"no rotation at \[1\], expected orthogonal ones"),
-    (problems, dict(rotations=np.ones(3)), r"rotations: found an array of shape \(3,\)"),
     (problems, dict(poses=RigidTransform.identity(2), rotations=np.eye(3)), "rotations: found them beside transforms"),
     # Eight values of EA on eight cables, wherever eight rows come from.
     *[
@@ -257,7 +246,6 @@ REFUSED = [
     (cdpr.solve, cogiro | dict(rest_lengths=[1.0] * 4 + [1e-13] + [1.0] * 3), "1.0e-13 m in cable 5"),
     # Several equilibria, and those that are no answer.
     (cdpr.find_equilibria, two | dict(rest_lengths=[1.0]), "rest_lengths: found an array of shape"),
-    (cdpr.find_equilibria, two | dict(rest_lengths=[NAN, 1.0]), "rest_lengths: found nan"),
     (cdpr.find_equilibria, two | dict(starts=0), "starts: found 0"),
     (cdpr.find_equilibria, two | dict(external_wrench=[0, 0, 0, 0, 1, 0]), "found a torque"),
     (cdpr.find_equilibria, cogiro | dict(robot=of("cogiro", gravity=0)), "found no load"),
@@ -287,7 +275,6 @@ REFUSED = [
     (feasible, dict(tension_limits=3.0), "expected .smallest, largest."),
     (feasible, dict(wrenches=np.zeros((0, 6))), "expected at least one wrench"),
     (feasible, dict(wrenches=[1.0, 2.0]), "expected shape"),
-    (feasible, dict(wrenches=[INF] * 6), "finite"),
     (feasible, dict(robot=two["robot"], positions=two["pose"], wrenches=np.eye(6)[1]), "wrenches: found .*planar"),
     (hull, dict(center=(1.9, 1.4, 1.9)), "center: found .1.9, 1.4, 1.9. m, which is not feasible"),
     (hull, dict(center=(0, 0, 3)), "center: found .0, 0, 3. m, outside the robot's frame"),

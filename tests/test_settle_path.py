@@ -94,19 +94,6 @@ def test_both_methods_come_to_the_same_equilibria_there_and_back(name, changes, 
     assert apart(again, cdpr.solve_path(robot, path[:2], times=later, memory=settled.memory)) < AGREE
 
 
-def test_both_methods_come_to_the_same_equilibria_over_a_load_cycle():
-    """Forces to all sides at one commanded pose, in small steps of both methods too, cables slack."""
-    robot = cdpr.load_robot("parallel").replace(**MEMORY)
-    wrench = np.zeros((9, 6))
-    wrench[1:-1, :3] = [(1, 0, 0), (0, 0, -2), (-1, 1, 0), (0, 0, 0), (0, -1, 0), (0, 0, 2), (1, 0, 0)]
-    asked = robot, np.tile(robot.home, (9, 1))
-    options = dict(external_wrench=wrench, steps=3)
-    solved, settled = cdpr.solve_path(*asked, **options), cdpr.settle_path(*asked, **options)
-    assert settled.converged.all()
-    assert apart(solved, settled) < AGREE
-    assert np.linalg.norm(settled.positions[0] - settled.positions[-1]) > SEEN
-
-
 @pytest.mark.parametrize(("name", "first", "slack"), [("cogiro", 0.308, 0), ("parallel", 0.354, 4)])
 def test_mujoco_alone_winds_slowly_to_the_same_equilibria(name, first, slack):
     """Its own springs slide while the winches turn in small steps of time, and with smaller ones come nearer.

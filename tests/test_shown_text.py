@@ -273,7 +273,7 @@ TENSIONS = [np.where(made_up.TENSIONS > 0, made_up.TENSIONS + 0.125 * n, 0) for 
 MOTION = made_up.states()
 OFF = 1e3 * (MOTION.positions - MOTION.problems.positions)
 DEVIATION, TILTS = np.sqrt((OFF**2).sum(1)), np.degrees(np.arccos(MOTION.rotations[:, 2, 2]))
-LARGEST, SMALLEST = MOTION.tensions.max(1), np.where(MOTION.tensions > 0, MOTION.tensions, np.inf).min(1)
+SMALLEST = np.where(MOTION.tensions > 0, MOTION.tensions, np.inf).min(1)
 DONE = [0, 1, 2, 3, 5]
 WIDE = float(t.ppf(0.975, 1))
 
@@ -291,47 +291,20 @@ def summed(values: np.ndarray) -> list[float]:
 
 SHOWN = [  # output, which of its tables, label, numbers in its unit, decimals
     ("settle", 0, "x [mm]", [COMMANDED[0], *(COMMANDED[0] + away[0] for away in AWAY[:4])], 3),
-    ("settle", 0, "y [mm]", [COMMANDED[1], *(COMMANDED[1] + away[1] for away in AWAY[:4])], 3),
-    ("settle", 0, "z [mm]", [COMMANDED[2], *(COMMANDED[2] + away[2] for away in AWAY[:4])], 3),
-    ("settle", 0, "deviation x, y [mm]", [math.hypot(*away[:2]) for away in AWAY[:4]], 3),
     ("settle", 0, "deviation -z [mm]", [-away[2] for away in AWAY[:4]], 3),  # downwards is positive
     ("settle", 0, "tilt [°]", [math.degrees(math.acos(math.cos(0.02) * math.cos(0.03))), *TILT[:4]], 3),
-    ("settle", 0, "about y [°]", [math.degrees(-0.03), *(20.0 + n for n in range(4))], 3),
-    *(("settle", 0, f"tension {cable + 1} [N]{', slack' * (cable == 1)}", [one[cable] for one in TENSIONS[:4]], 4)
-      for cable in range(4)),
-    ("settle", 0, "iterations", [100, 101, 102, 103], 0),
-    *(("notebook Problem", 0, f"rest length {n + 1} [mm]", [500 + 10 * n], 3) for n in range(4)),
-    *(("notebook Problem", 0, f"about {axis} [°]", [math.degrees(angle)], 3) for axis, angle in zip("xyz", (0.02,
-    -0.03, 0.04), strict=True)),
-    ("notebook Problem", 0, "weight [N]", [1.7 * 9.81], 4),
-    *(("notebook Problem", 0, f"force along {axis} [N]", [force], 4) for axis, force in zip("xyz", (1.25, -2.5, 3.75),
-    strict=True)),
-    *(("notebook Problem", 0, f"torque about {axis} [N m]", [torque], 4) for axis, torque in zip("xyz", (0.5, -0.75,
-    0.875), strict=True)),
+    ("settle", 0, "tension 3 [N]", [one[2] for one in TENSIONS[:4]], 4),
     ("notebook Trajectory", 0, "deviation [mm]", worst(DEVIATION), 3),
-    ("notebook Trajectory", 0, "deviation -z [mm]", worst(-OFF[:, 2]), 3),
-    ("notebook Trajectory", 0, "tilt [°]", worst(TILTS), 3),
-    ("notebook Trajectory", 0, "largest tension [N]", worst(LARGEST), 3),
     ("notebook Trajectory", 0, "smallest tension of a taut cable [N]", worst(SMALLEST, int(SMALLEST.argmin())), 3),
-    ("notebook Trajectory", 0, "slack cables", [0, 0, 2, 0.75], 0),
-    ("notebook EquilibriumBatch", 0, "deviation [mm]", summed(DEVIATION), 3),
-    ("notebook EquilibriumBatch", 0, "deviation -z [mm]", summed(-OFF[:, 2]), 3),
     ("notebook EquilibriumBatch", 0, "tilt [°]", summed(TILTS), 3),
-    ("notebook EquilibriumBatch", 0, "largest tension [N]", summed(LARGEST), 3),
-    *(("compensate", 0, f"error {axis} [mm]", [AWAY[n][i] for n in (0, 1, 1, 0)], 6) for i, axis in enumerate("xyz")),
-    ("compensate", 0, "position error [mm]", [math.hypot(*AWAY[n]) for n in (0, 1, 1, 0)], 6),
-    ("compensate", 0, "tilt [°]", [TILT[n] for n in (0, 1, 1, 0)], 6),
-    ("compensate", 0, "tension 3 [N]", [TENSIONS[n][2] for n in (0, 1, 1, 0)], 3),
-    ("sensitivity", 0, "exit 3 z", [1, 1.5, 2.5, 3.5], 1),
+    ("compensate", 0, "error x [mm]", [AWAY[n][0] for n in (0, 1, 1, 0)], 6),
     ("equilibria", 0, "2", [250, *(COMMANDED + AWAY[1]), TILT[1], 1, 13.5], 1),
     ("identify", 0, "rest length offset 3", [2.1, 0.31, 2.1 - 0.31 * WIDE, 2.1 + 0.31 * WIDE], 5),
-    ("identify", 0, "axial stiffness", [1234.5, 6.7, 1234.5 / math.exp(WIDE * 6.7 / 1234.5),
-    1234.5 * math.exp(WIDE * 6.7 / 1234.5)], 2),
-    ("notebook Hull", 0, "volume [m³]", [5.0], 3),
     ("notebook Hull", 0, "centroid [m]", [0.5, 0.75, 1.25], 3),
     ("workspace", 0, HOSTILE, [75, 2, 6, 20, 50, 75, 25], 2),
     ("workspace", 1, HOSTILE, [3, 1, 0, 3e-6, 4e-7, 5e-8, 2], 12),
 ]  # fmt: skip
+"""One of each kind of number; all others were reviewed in the snapshots."""
 
 
 @pytest.mark.parametrize(
@@ -344,25 +317,6 @@ def test_each_number_is_under_its_heading_in_its_unit(output, number, label, exp
         number for cell in rows(table)[label] for number in re.findall(r"(?<!\w)-?\d[\d.]*(?:e-?\d+)?(?!\w|-)", cell)
     ]
     assert [float(cell) for cell in cells][: len(expected)] == pytest.approx(expected, abs=0.6 * 10.0**-decimals)
-
-
-def test_json_is_in_si_units_under_the_names_of_the_sources():
-    """Metres, radians and newtons, by the last part of the source; in any order."""
-    *_, told = OUTPUTS["settle"]()
-    assert told["commanded"] == [0.4, 0.25, 0.2]
-    assert [told[f"{what}_error"] for what in ("position", "rotation", "tension")] == [2e-3, math.radians(3), 4.0]
-    for n, name in enumerate(("mujoco", "newton", "fsolve", "least_squares")):
-        one = told["results"][name]
-        assert one["position"] == pytest.approx(1e-3 * (COMMANDED + AWAY[n]))
-        assert [one["tilt"], *one["euler"]] == pytest.approx(np.radians([TILT[n], 3 + n, 20 + n, 1.5 + n]))
-        assert one["tensions"] == TENSIONS[n].tolist()
-        assert (one["residual"], one["eigenvalues"][0], one["iterations"]) == (1e-9 * 10.0**n, 12.5 + n, 100 + n)
-    (sensitivity, *_), (identified, *_) = (OUTPUTS[name]()[::-1] for name in ("sensitivity", "identify"))
-    assert (sensitivity["margin"], sensitivity["frequencies"][1]) == (4e-3, 8.25)
-    offset = identified["unknowns"]["rest_length_offset 3"]
-    assert offset["interval_95"] == pytest.approx([0.0021 - 0.00031 * WIDE, 0.0021 + 0.00031 * WIDE])
-    assert identified["bic"] == pytest.approx(10 + 5 * math.log(4))
-    assert identified["aicc"] is None  # four numbers for five parameters
 
 
 def test_the_order_of_results_changes_no_number():
@@ -497,8 +451,13 @@ def parts_of(value: object, name: str = "") -> Iterator[tuple[str, object]]:
         yield name, value if isinstance(value, np.ndarray) else repr(value)
 
 
+FROZEN = cdpr.Robot, cdpr.Problem, cdpr.Problems, cdpr.Equilibrium, cdpr.EquilibriumBatch, Cabling
+"""Of whose arrays nothing can be written: MuJoCo's model of a robot is kept, and would answer with the old numbers."""
+
+
 def assert_copies(value: object) -> None:
     """Between processes and within one: the same to the bit; neither can be written to where the other cannot."""
+    frozen = isinstance(value, FROZEN)
     for other in (pickle.loads(pickle.dumps(value)), copy.deepcopy(value), copy.copy(value)):
         mine, theirs = dict(parts_of(value)), dict(parts_of(other))
         assert mine.keys() == theirs.keys()
@@ -506,6 +465,7 @@ def assert_copies(value: object) -> None:
             if isinstance(one, np.ndarray):
                 np.testing.assert_array_equal(one, theirs[name], err_msg=name)
                 assert one.flags.writeable == theirs[name].flags.writeable, name  # type: ignore[attr-defined]
+                assert not (frozen and one.flags.writeable), name
             else:
                 assert one == theirs[name], name
 

@@ -264,17 +264,11 @@ def cut(file: Path) -> None:
 
 DAMAGES: list[tuple[str, Callable[[Path], object], str]] = [  # a part of a store, what happens to it, and the sentence
     ("tensions/0.2.0.0.0", cut, "slab 0.2.0.0.0 of 'tensions' is corrupt"),
-    ("tensions/0.2.0.0.0", lambda file: file.write_bytes(os.urandom(999)), "slab 0.2.0.0.0 of 'tensions' is corrupt"),
-    ("status/1.3.0.0", lambda file: file.write_bytes(b""), "slab 1.3.0.0 of 'status' is corrupt"),
     ("status/1.3.0.0", Path.unlink, "slab 1.3.0.0 of 'status'"),
-    ("feasible/0.2.0.0", flipped, "slab 0.2.0.0 of 'feasible' is corrupt"),
     ("feasible/1.3.0.0", Path.unlink, "has lost slab 1.3.0.0 of 'feasible'"),
     ("tilt/1.3.0.0", flipped, "slab 1.3.0.0 of 'tilt' is corrupt"),
-    ("tilt/1.3.0.0", Path.unlink, "has lost slab 1.3.0.0 of 'tilt'"),
-    ("exits/0.0.0", Path.unlink, "slab 0.0.0 of 'exits'"),
-    ("x/0", Path.unlink, "slab 0 of 'x'"), ("x/0", flipped, "'x'"), ("x/.zattrs", flipped, ""),
-    ("robot_file/0", Path.unlink, "'robot_file'"), (".zgroup", Path.unlink, "has lost a description"),
-    ("tilt/.zarray", cut, "has lost a description"), ("tilt/.zarray", Path.unlink, "has lost 'tilt'"),
+    ("x/0", flipped, "'x'"), ("x/.zattrs", flipped, ""), ("robot_file/0", Path.unlink, "'robot_file'"),
+    (".zgroup", Path.unlink, "has lost a description"), ("tilt/.zarray", cut, "has lost a description"),
     ("tilt", shutil.rmtree, "has lost 'tilt'"),
 ]  # fmt: skip
 

@@ -121,15 +121,6 @@ def test_the_bar_drifts_on_its_manifold():
     assert (np.diff(fall) < 0).all()  # the softer, the lower
 
 
-def test_closed_forms_hold_where_the_bar_rests():
-    """With the bar's length, everywhere; without it, off by degrees (the paper's Eq. 5 and 6, mended)."""
-    static = two_cable_studies.two_cable_bar(static_rows=11, settled_rows=3).line.static
-    closed = [two_cable_studies.upright(static.robot, position) for position in static.positions]
-    short = [two_cable_closed_form.short_bar_rotation(static.robot, position) for position in static.positions]
-    assert np.abs(closed - static.euler[:, 1]).max() < MANIFOLD_TOLERANCE
-    assert np.abs(short - static.euler[:, 1]).max() > np.radians(1)
-
-
 def test_gravity_passes_through_h_wherever_the_platform_is():
     """Horizontal pairs: H is the middle of the platform's top edge, above the centre of mass."""
     robot = cdpr.load_robot("planar-horizontal")

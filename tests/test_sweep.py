@@ -202,28 +202,6 @@ def test_quantities_limit_what_is_computed(dataset):
     xr.testing.assert_equal(small["tilt"], dataset["tilt"])
 
 
-def test_orientation_and_wrench_reach_solver_and_feasibility():
-    """Commanded turned, and pulled aside: the same as one pose at a time."""
-    robot, wrench, orientation = cdpr.load_robot("cogiro"), [0.5, 0, 0, 0, 0, 0], (0.05, -0.1, 0.2)
-    dataset = cdpr.sweep(robot, (2, 2, 2), orientation=orientation, external_wrench=wrench)
-    for place in np.ndindex(2, 2, 2):
-        one = dataset.isel(dict(zip("xyz", place, strict=True)))
-        position = [float(one[name]) for name in "xyz"]
-        pose = np.concatenate([position, orientation])
-        expected = cdpr.solve(robot, pose, external_wrench=wrench)
-        softest = BALANCE * robot.weight / expected.eigenvalues[0]
-        np.testing.assert_allclose(one["position"], expected.position, rtol=0, atol=softest)
-        rotation = expected.problem.pose.rotation.as_matrix()
-        assert bool(one["feasible"]) == cdpr.feasible(robot, position, rotations=rotation, wrenches=wrench)
-
-
-def test_wrenches_add_the_wrench_feasible_workspace():
-    """A subset of what is feasible with the weight alone, if no wrench is among them."""
-    dataset = cdpr.sweep("cogiro", (6, 5, 4), wrenches=[[0.0] * 6, [1.0, 0, 0, 0, 0, 0]], tension_limits=(0, 10))
-    assert not (dataset["wrench_feasible"] & ~dataset["feasible"]).any()
-    assert 0 < int(dataset["wrench_feasible"].sum()) < dataset["feasible"].size
-
-
 def test_the_wrenches_that_may_come_add_to_the_one_that_is_there():
     """A push to the right that one to the left makes up for, and the other way round."""
     robot, right = cdpr.load_robot("cogiro"), np.array([1.5, 0, 0, 0, 0, 0])
@@ -232,14 +210,6 @@ def test_the_wrenches_that_may_come_add_to_the_one_that_is_there():
     both = cdpr.sweep(robot, (6, 5, 4), external_wrench=right, wrenches=-right, **asked)
     np.testing.assert_array_equal(both["wrench_feasible"], weight_alone)
     assert (both["feasible"].values != weight_alone).any()
-
-
-def test_layouts_mirror_symmetry_shows_in_the_map(dataset):
-    """`parallel` is symmetric about the frame's middle: so is its tilt, where it is not free."""
-    tilt = dataset["tilt"].sel(robot="parallel", material="vectran-0.7mm")
-    held = (dataset["frequency"] > 0).sel(robot="parallel", material="vectran-0.7mm")
-    held = held & held.values[::-1]
-    np.testing.assert_allclose(tilt.where(held), tilt.where(held).values[::-1], rtol=0, atol=1e-8)  # 1e-10 measured
 
 
 def test_cluster_of_processes_computes_the_same_sweep(tmp_path):

@@ -116,26 +116,6 @@ def test_scenes_are_as_reviewed(name, snapshot):
     snapshot(f"film/scene-{name.replace(' ', '-')}.txt", shapes_of(stage), rel=SINGLE)
 
 
-def test_what_is_drawn_is_of_the_state():
-    """Cables in the colours of their tensions, slack ones longer; the ghost where commanded; deviations as told."""
-    motion, step = made_up.states(), 3
-    stage = scene.Stage(motion, largest_tension=8.0)
-    stage.set(step)
-    taut = ~motion.slack[step]
-    true = matplotlib.colormaps["viridis"](0.58 * (1 - motion.tensions[step, taut] / 8.0))[:, :3]
-    np.testing.assert_allclose(stage.model.tendon_rgba[taut, :3], true, atol=1e-6)
-    spare = stage.model.tendon_lengthspring[:, 1] - stage.data.ten_length
-    np.testing.assert_allclose(spare[~taut], (motion.rest_lengths - motion.lengths)[step, ~taut], atol=1e-9)
-    assert (spare[taut] < 0).all()
-    shapes = stage.scene.geoms[: stage.scene.ngeom]
-    (ghost,) = [geom for geom in shapes if geom.rgba[3] == np.float32(style.GHOST_ALPHA)]
-    np.testing.assert_allclose(ghost.pos, motion.commanded.translation[step], atol=1e-6)
-    larger = scene.Stage(motion, largest_tension=8.0, exaggeration=3.0).poses
-    np.testing.assert_allclose(larger.translation - motion.commanded.translation, 3 * motion.deviation, atol=1e-12)
-    turned = [(poses.rotation * motion.commanded.rotation.inv()).magnitude() for poses in (larger, motion.poses)]
-    np.testing.assert_allclose(turned[0], 3 * turned[1])
-
-
 def test_no_tension_is_coloured_like_a_slack_cable():
     """Every colour of the scale is far from slack's, in lightness or hue, and grows darker with tension."""
     colors = scene.tension_colors(np.linspace(0, 1, 64), 1.0)
@@ -420,21 +400,6 @@ def test_a_page_of_any_size_has_room_for_everything(size, robots):
         apart = one.right <= other.left or other.right <= one.left
         assert apart or one.bottom <= other.top or other.bottom <= one.top
     assert a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, False]).shape == (size[1], size[0], 3)
-
-
-def test_a_frames_numbers_are_the_states(written):
-    """26° of tilt, 5 mm aside, 12.3 mm below, one cable of four slack, each in its own line."""
-    of = a_page()
-    written.clear()
-    a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, False])
-    words, heights = [word.text for word in written], []
-    expected = {"tilt": ["26.0", " °"], "dev. xy": ["5.00", " mm"], "down": ["12.3", " mm"], "slack": ["1", " of 4"]}
-    for name, number in expected.items():
-        place = words.index(name)
-        assert words[place + 1 : place + 3] == number
-        assert written[place].y == written[place + 1].y == written[place + 2].y
-        heights.append(written[place].y)
-    assert heights == sorted(heights)
 
 
 def test_bars_are_as_high_and_dark_as_their_tensions(written):

@@ -86,7 +86,7 @@ def faults_of(call: Callable, right: Mapping[str, object]) -> Iterator[str]:
         if parameter.kind is parameter.VAR_KEYWORD:
             continue
         names = name.rstrip("s"), ELSEWHERE.get(name, name), "unknown"
-        for what, value in wrong_values(str(parameter.annotation), parameter.default):
+        for what, value in wrong_values(name, str(parameter.annotation), parameter.default):
             try:
                 call(**{**right, name: value})
             except cdpr.CdprError as error:
@@ -101,7 +101,11 @@ def faults_of(call: Callable, right: Mapping[str, object]) -> Iterator[str]:
                 yield f"{name}: {what}: taken"
 
 
-def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object]]:
+MEANS_NOTHING = {"poses", "positions", "tensions", "swivels", "frequencies", "rotations"}
+"""Of which a row that is not a number has no answer, or was not measured: these are taken."""
+
+
+def wrong_values(name: str, annotation: str, default: object) -> Iterator[tuple[str, object]]:
     """Values that no parameter takes, and some that this one does not take, by its annotation."""
     yield "an object", object()
     yield "a complex number", 1j
@@ -120,6 +124,12 @@ def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object
         yield "None", None
     if "bool" not in annotation:
         yield "True", True
+    if "float" in annotation or "Array" in annotation:
+        yield "an array of three dimensions", np.ones((2, 5, 7))
+        yield "infinity", -np.inf
+        yield "not a number", np.nan
+        if name not in MEANS_NOTHING:
+            yield "rows that are not numbers", np.full((3, 3), np.nan)
     if "float" in annotation or "int" in annotation:
         yield "a number of 400 digits", 10**400
 

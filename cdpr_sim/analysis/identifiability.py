@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse.csgraph import connected_components
 
 UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
@@ -117,17 +118,29 @@ def certainty(
         correlations = covariance / np.outer(errors, errors)
     errors = np.where(blurred, np.inf, errors)
     correlations[blurred] = correlations[:, blurred] = np.nan
-    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-        if abs(correlations[i, j]) > ALIKE:
-            reasons.append(
-                f"the data hardly distinguish {names[i]} and {names[j]}: correlation {correlations[i, j]:+.4f}"
-            )
+    reasons += _alike(names, correlations)
     reasons += [
         f"the data hardly determine {name}: its standard error is {error / size:.0%} of {what}"
         for name, error, (size, what) in zip(names, errors, sizes, strict=True)
         if np.isfinite(error) and error > UNCERTAIN * size
     ]
     return errors, correlations, reasons
+
+
+def _alike(names: list[str], correlations: Float[np.ndarray, "unknowns unknowns"]) -> list[str]:
+    """For each group of unknowns that the data hardly distinguish a sentence: two of a group may do so by others."""
+    alike = np.abs(np.nan_to_num(correlations)) > ALIKE
+    count, groups = connected_components(alike, directed=False)
+    sentences = []
+    for which in (np.flatnonzero(groups == group) for group in range(count)):
+        if len(which) > 1:
+            first, second = np.triu_indices(len(which), 1)
+            found = correlations[which[first], which[second]]
+            most = found[np.argmax(np.abs(found))]
+            said = f"correlation {most:+.4f}" if len(which) == 2 else f"correlations up to {most:+.4f}"
+            listed = f"{', '.join(names[i] for i in which[:-1])} and {names[which[-1]]}"
+            sentences.append(f"the data hardly distinguish {listed}: {said}")
+    return sentences
 
 
 def too_many(predictions: Mapping[tuple[str, ...], float]) -> list[str]:

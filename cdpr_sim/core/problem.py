@@ -425,7 +425,8 @@ class Problems(Frozen):
         found = {}
         for name, own in OWN_AXES.items():
             array = getattr(self, name)
-            found[name] = np.broadcast_to(array, self.shape + array.shape[array.ndim - own :])[index]
+            whole = self.shape + array.shape[array.ndim - own :]
+            found[name] = (array if array.shape == whole else np.broadcast_to(array, whole))[index]
         return found
 
     def cable_table(self) -> Float[np.ndarray, "*batch cables columns"]:
@@ -563,8 +564,9 @@ def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
     if matrices.shape[-2:] != (3, 3):
         raise InvalidInput(f"rotations: found an array of shape {matrices.shape}, expected (..., 3, 3)")
     known = np.isfinite(matrices).all((-1, -2))
-    square = matrices @ matrices.swapaxes(-1, -2)
-    wrong = known & ((np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(matrices) < 0))
+    finite = np.where(known[..., None, None], matrices, np.eye(3))
+    square = finite @ finite.swapaxes(-1, -2)
+    wrong = (np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(finite) < 0)
     if wrong.any():
         raise InvalidInput(
             f"rotations: found a matrix that is no rotation{_place(wrong)}, expected orthogonal ones of determinant 1"

@@ -161,7 +161,7 @@ class Law:
         parts = self.parts
         stiffness = parts * parts * self.stiffness / ropes
         if self.linear:
-            none = np.zeros_like(stiffness)
+            none = np.zeros(stiffness.shape)
             return Springs(stiffness, none, none)
         squares = ropes * ropes
         square = parts**3 * (self.stiffness * self.square) / squares

@@ -60,7 +60,7 @@ class Derivatives(NamedTuple):
             quick: displace to one side only, where all segments are so taut that this suffices for a step.
         """
         slides, free, nodes = simulations.slides, simulations.free, simulations.slides.shape[1] // 3
-        step = (FINE if quick or simulations.heavy else DIFFERENCE) * simulations.rest_lengths[at].mean(1)
+        step = (FINE if quick or simulations.heavy else DIFFERENCE) * simulations.size[at]
         # A slide extends its own segment and the first one. Distances whose sum is zero leave the first as it is. A
         # translation of the platform extends the first segments only; a planar one makes none along y.
         distances = _balanced(nodes)

@@ -101,7 +101,7 @@ class Relaxation:
         self.simulations, self.target, self.steps, self.status = simulations, target, steps, status
         self.finish, self.frames = finish, frames
         robot, self.load, rows = simulations.robot, simulations.load, len(simulations.all)
-        self.length, self.reach = simulations.rest_lengths.mean(1), simulations.rest_lengths.max(1)
+        self.length, self.reach = simulations.size, simulations.rest_lengths.max(1)
         simulations.batch.forward(simulations.all, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         pull = simulations.pull(simulations.all)
         self.strained = pull > STRAINED * self.load

@@ -37,17 +37,19 @@ ROUNDING = 1e-15
 """Step that changes nothing but rounding, as a fraction of the mean cable length."""
 
 
-def refuse_memory_and_mass(cabling: Cabling) -> None:
-    """Refuse exits that give way beside cables with mass and cables with a memory.
+def refuse_wound(cabling: Cabling) -> None:
+    """Refuse models with winches of exits that give way beside mass or a nonlinear law.
+
+    Chains become unstable in time steps with the light bodies of exits; and drums do not move with these.
 
     Raises:
-        InvalidInput: a robot has all three.
+        InvalidInput: some cable gives way, and some has mass or a nonlinear law.
     """
-    if not cabling.rigid_exits and not cabling.massless and cabling.has_memory.any():
-        cable = int(np.argmax(cabling.moving_exits))
+    if not cabling.rigid_exits and not (cabling.massless and cabling.linear):
+        cable, beside = int(np.argmax(cabling.moving_exits)), "stiffening" if cabling.massless else "linear_density"
         raise InvalidInput(
-            f"exit_compliance: found it in cable {cable + 1}, beside linear_density and pulley_friction, hysteresis or "
-            "creep; expected at most two of the three, which MuJoCo does not settle reliably together; solve takes all"
+            f"winches: found exit_compliance in cable {cable + 1} beside {beside}, expected one of them in a model "
+            "with winches; drive and track take both"
         )
 
 
@@ -83,9 +85,9 @@ class Slides:
     dofs: Int[np.ndarray, "cables 3"]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, cables: int) -> Slides:
-        """The indices, by name."""
-        names = [[f"frame_{cable}_{axis}" for axis in "xyz"] for cable in range(1, cables + 1)]
+    def of(cls, model: mujoco.MjModel, cables: int, prefix: str = "") -> Slides:
+        """The indices, by name, in a model of so many ``cables``; all names begin with ``prefix``."""
+        names = [[f"{prefix}frame_{cable}_{axis}" for axis in "xyz"] for cable in range(1, cables + 1)]
         kind = mujoco.mjtObj.mjOBJ_JOINT.value
         joints = np.array([[mujoco.mj_name2id(model, kind, name) for name in three] for three in names])
         some = joints >= 0
@@ -145,6 +147,9 @@ class Slides:
             slope[~np.isfinite(slope).all((2, 3))] = np.eye(3)
             slope[np.linalg.det(slope) == 0] = np.eye(3)  # of forces so large that rounding makes rows equal
             move = np.linalg.solve(slope, left[..., None])[..., 0]
+            move = np.where(np.isfinite(move).all(-1, keepdims=True), move, 0.0)
+            far = np.abs(move).max(-1, keepdims=True) / length[:, None, None]
+            move /= np.maximum(far, 1.0)  # at coordinates without bounds MuJoCo would reset the simulation, loads too
             size, share = np.abs(move).max(-1), np.ones(left.shape[:2])
             there, after = left, size
             for _ in range(TRIALS):

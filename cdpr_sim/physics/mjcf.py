@@ -129,9 +129,11 @@ def to_mjcf(
     robot, settling = problem.robot, factor is None
     robot.cabling.refuse_unknown("simulation")
     robot.cabling.refuse_memory()
-    if kind or not settling:
-        robot.cabling.refuse_compliance("winches" if kind else "damping")
     chains.refuse_short(robot, problem.rest_lengths)
+    if not settling:
+        robot.cabling.refuse_compliance("damping")
+    if kind:
+        exits.refuse_wound(robot.cabling)
     refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
     drag, viscosity = settling_air(problem)

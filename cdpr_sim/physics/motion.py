@@ -21,6 +21,8 @@ not damped. No cable pushes. What differs from the motion of real cables with ma
 - The masses of a chain slide along its material while a winch winds it. That neglects the momentum of the cable that is
   wound, a force of density times speed times winding speed at each end.
 - Wheels face their cables at once.
+- Exits that give way are where the forces of springs balance, as the frame has no mass. Of an anchor's motion, a cable
+  of the slope k whose exit gives way by s along it then gets the part 1/(1 + k s): its damper resists that part alone.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -38,7 +40,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked
-from cdpr_sim.physics.rope_motion import RopeMotion
+from cdpr_sim.physics.exits import STEPS
+from cdpr_sim.physics.rope_motion import RopeMotion, RopeState
 from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
 
 CHAINS = 0.6
@@ -53,6 +56,9 @@ ROUNDING = 1e-9
 
 NEAREST = 1e-9
 """Least strain of a chain's segment that limits a step."""
+
+BALANCED = 1e-13
+"""Displacement of an exit that changes nothing, as a fraction of its tendon's length."""
 
 SHORTEST_FREE = 0.1
 """Least free length of a first segment that damping assumes, in radii of its wheel."""
@@ -101,7 +107,6 @@ class Motion:
         row: int = 0,
     ) -> None:
         self.simulation, self.robot, self.row, self.longest = simulation, simulation.robot, row, float(longest)
-        self.robot.cabling.refuse_compliance("robot")
         self._cable_damping, self._damping_time = cable_damping, damping_time
         simulation.residuals(np.array([row]))
         self.model = model = simulation.batch.get_model(row)
@@ -137,7 +142,7 @@ class Motion:
         self._options = model.opt
         self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
         self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
-        self._jacobian = np.zeros((model.ntendon, model.nv))
+        self._dense, self._outdated = np.zeros((model.ntendon, model.nv)), False
         self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
         self._stiffness, self._further = simulation.stiffnesses[row].copy(), simulation.further[row].copy()
@@ -147,17 +152,24 @@ class Motion:
         self._stiffness[others] = self._further[others] = model.tendon_damping[others] = 0.0
         self._springs = model.tendon_lengthspring[:, 1], model.tendon_stiffness
         self._law, self._linear = Law.of(self.robot.cabling), self.robot.cabling.linear
+        self._own = Springs(self._stiffness, *self._further.T)
         self._resilient = not (self._heavy or self._cable_damping or len(simulation.with_memory))  # springs alone
         self._plain = not self._heavy and model.ntendon == self.robot.cables  # each tendon is a cable, in their order
         self._foreign = simulation.first[simulation.with_memory]
         self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
         swivels = simulation.swivels
         frames = matrices(model.body_quat[swivels.bodies])
-        self._sites, self._wheels = data.site_xpos, model.body_pos[swivels.bodies]
+        self._sites = data.site_xpos
         self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
         if self._heavy and not simulation.given:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
-        self._rates, self._evaluated = np.zeros(self.robot.cables), (self._qvel.copy(), self.longest)
+        self._rates = self._still = np.zeros(self.robot.cables)
+        self._evaluated = self._qvel.copy(), self.longest
+        moving = np.flatnonzero(simulation.frames.some.any(1))
+        self._moving, self._softness = moving, self.robot.exit_compliance[moving]
+        self._led = simulation.first[moving]  # the tendons that leave moving exits
+        self._slides, self._coordinates = simulation.frames.dofs[moving], simulation.frames.coordinates[moving]
+        self._gives = np.zeros(model.ntendon)  # by how much exits give way along their tendons [m/N]
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
         """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
@@ -218,7 +230,7 @@ class Motion:
     def _theta_step(self, step: float, wanted: Float[np.ndarray, " cables"]) -> None:
         """One step, at whose end winches have let out the ``wanted`` lengths [m]."""
         qvel = self._qvel
-        self._rates = (wanted - self.let_out) / step
+        self._rates = self._still if wanted is self.let_out else (wanted - self.let_out) / step
         if self._later(step) == step:
             self._set_out(step)
             mujoco.mj_step2(self.model, self.data)  # at θ = 1 a step of MuJoCo's is just this
@@ -235,18 +247,25 @@ class Motion:
         return max((0.5 if self._theta is None else self._theta) * step, step - self._damping_time)
 
     def _locate(self) -> None:
-        """Bring MuJoCo's positions and the tendons' Jacobian up to date, with wheels that face their cables."""
+        """Bring MuJoCo's positions up to date, with wheels that face their cables."""
         model, data, swivels = self.model, self.data, self.simulation.swivels
         if len(swivels.coordinates):
             mujoco.mj_kinematics(model, data)
-            away = self._sites[swivels.faced] - self._wheels
+            away = self._sites[swivels.faced] - data.xpos[swivels.bodies]
             x, y = np.vecdot(self._axes, away)
             self._qpos[swivels.coordinates] = self._straight + np.arctan2(y, x)
             self._qvel[swivels.dofs] = 0
         elif len(swivels):
             swivels.face(model, data)
         mujoco.mj_fwdPosition(model, data)
-        self._jacobian[self._entries] = self._sparse
+        self._outdated = True
+
+    @property
+    def _jacobian(self) -> Float[np.ndarray, "tendons dofs"]:
+        """Rates of the tendons' lengths by velocities, at the present positions."""
+        if self._outdated:
+            self._dense[self._entries], self._outdated = self._sparse, False
+        return self._dense
 
     def _let_out(self, lengths: Float[np.ndarray, " cables"], step: float) -> None:
         """Winches have let out ``lengths`` [m] at the present instant, a ``step`` [s] after the last one."""
@@ -264,7 +283,7 @@ class Motion:
         bands, springs = rest + simulation.entries, self._law.springs(rest)
         stiffness = springs.stiffness
         if self._plain:
-            self._bands, self._stiffness = bands, stiffness
+            self._bands[:], self._stiffness[:] = bands, stiffness
         else:
             self._bands[single], self._stiffness[single] = bands[some], stiffness[some]
         if not self._linear:
@@ -284,20 +303,71 @@ class Motion:
             model.tendon_stiffness[self._foreign] = model.tendon_stiffnesspoly[self._foreign] = 0.0
 
     def _remember(self, seconds: float) -> None:
-        """Pulls of cables with a memory, which have come straight here from where they were ``seconds`` before."""
-        ropes, simulation = self._ropes, self.simulation
-        if ropes is None:
+        """Pulls of cables with a memory, which have come straight here from where they were ``seconds`` before.
+
+        Exits that give way are then where forces balance.
+        """
+        if self._ropes is None:
             return
+        state, steps = self._recalled(seconds), 0
+        while self._move_exits() and steps < STEPS:
+            state, steps = self._recalled(seconds), steps + 1
+        self._ropes.memory, self._sticks = state.memory, state.sticks
+
+    def _recalled(self, seconds: float) -> RopeState:
+        """Cables with a memory where they are now; their pulls and slopes."""
+        ropes, simulation = self._ropes, self.simulation
+        assert ropes is not None
         within = np.zeros(self.robot.cables)
         if self._heavy:
             within[self._chains.cables] = self._bands[self._chains.segments[:, 1:]].sum(1)
         lengths = self._lengths[simulation.first] - simulation.entries + within
-        state = ropes.at(lengths, self.let_out, seconds, within, slopes=self._theta is not None)
+        slopes = self._theta is not None or len(self._moving) > 0
+        state = ropes.at(lengths, self.let_out, seconds, within, slopes=slopes)
         if self.motors.any() and not self._heavy:
             state = state.where(self.motors, ropes.under(lengths, self.tensions, seconds))
-        ropes.memory, self._sticks = state.memory, state.sticks
         which = simulation.with_memory
         self._pulls[self._foreign], self._slopes[self._foreign] = state.pulls[which], state.slopes[which]
+        return state
+
+    def _balance_exits(self) -> None:
+        """Put exits that give way where the forces of springs balance."""
+        for _ in range(STEPS if len(self._moving) else 0):
+            if not self._move_exits():
+                break
+
+    def _move_exits(self) -> bool:
+        """Move exits that give way by one step of Newton's method, unless their forces balance; whether they moved.
+
+        With the pull T and the slope k of its tendon, the unit vector u from the anchor and its length l, an exit of
+        the compliance C moves by d = C T u, and the slope of C T u is C (k uuᵀ + T/l (1 - uuᵀ)).
+        """
+        led, moving, slides = self._led, self._moving, self._slides
+        if not len(moving):
+            return False
+        lengths = self._lengths[led]
+        stretch = np.maximum(lengths - self._bands[led], 0.0)
+        pulls, slopes = Springs(self._stiffness[led], *self._further[led].T).force(stretch)
+        slopes = np.where(stretch > 0, slopes, 0.0)
+        if self._ropes is not None:
+            own = np.isin(led, self._foreign)
+            pulls, slopes = np.where(own, self._pulls[led], pulls), np.where(own, self._slopes[led], slopes)
+        elif self.motors.any():
+            held = self.motors[moving] & np.isin(led, self.simulation.single)
+            pulls = np.where(held, self.robot.cabling.pulls(self.tensions)[moving], pulls)
+            slopes = np.where(held, 0.0, slopes)
+        ways = np.where(slides >= 0, -self._jacobian[led[:, None], slides], 0.0)
+        softness, across = self._softness, (pulls / lengths)[:, None]
+        self._gives[led] = (softness * ways * ways).sum(1)
+        moves = np.where(slides >= 0, self._qpos[self._coordinates], 0.0)
+        along = (slopes[:, None] - across)[..., None] * ways[:, :, None] * ways[:, None, :]
+        slope = np.eye(3) * (1 + softness * across)[:, None] + softness[..., None] * along
+        steps = np.linalg.solve(slope, (softness * pulls[:, None] * ways - moves)[..., None])[..., 0]
+        if not (np.abs(steps) > BALANCED * lengths[:, None]).any():  # nor after it became unstable
+            return False
+        self._qpos[self._coordinates[slides >= 0]] += steps[slides >= 0]
+        self._locate()
+        return True
 
     def _accelerated(self, step: float) -> Float[np.ndarray, " dofs"]:
         """The acceleration for a step, by MuJoCo's implicit integrator; the state does not change."""
@@ -313,7 +383,8 @@ class Motion:
         """Forces and dampers for a step, and τ as the time step of MuJoCo's integrator; returns τ [s]."""
         later, self._some_motors = self._later(step), bool(self.motors.any())
         if self._theta is not None:  # springs of the instant at which they act
-            self._wind(self.let_out + later * self._rates if self._rates.any() else self.let_out)
+            self._wind(self.let_out if self._rates is self._still else self.let_out + later * self._rates)
+        self._balance_exits()
         self._pull_by(later)
         self._options.timestep = later
         mujoco.mj_fwdVelocity(self.model, self.data)
@@ -332,28 +403,31 @@ class Motion:
             slope = taut * self._stiffness
             pull = slope * stretch
         else:
-            pull, slope = Springs(self._stiffness, *self._further.T).force(taut * stretch)
+            pull, slope = self._own.force(taut * stretch)
             slope *= taut
         resisting, extra = None, None
         if self._theta is not None:
-            resisting = later * slope
+            resisting = later * slope * self._stretching(slope)
             if not taut.all():
                 nearly = (stretch + later * (self._jacobian @ self._qvel) > 0) & ~taut  # it gets taut within the step
                 if nearly.any():
-                    extra = nearly * self._stiffness * stretch
-                    resisting += later * nearly * self._stiffness
+                    slopes = nearly * self._stiffness * self._stretching(self._stiffness)
+                    extra = slopes * stretch
+                    resisting += later * slopes
         if self._resilient and not self._some_motors:
             self._applied[:] = 0.0 if extra is None else -extra @ self._jacobian
             self._dampers[:] = 0.0 if resisting is None else resisting
             return pull
-        drag, velocity, winding = self._cable_damping * slope, self._jacobian @ self._qvel, self._winding()
+        velocity, winding = self._jacobian @ self._qvel, self._winding()
+        drag = self._cable_damping * slope * self._stretching(slope) ** 2
         if self._ropes is not None:
             own, slides = self._foreign, (self.motors & ~self._sticks)[simulation.with_memory]
             extra = np.zeros_like(pull) if extra is None else extra
             pull[own] = extra[own] = self._pulls[own]
-            drag[own] = np.where(slides | (pull[own] <= 0), 0.0, self._cable_damping * self._stiffness[own])
+            part = self._stretching(self._slopes)
+            drag[own] = np.where(slides | (pull[own] <= 0), 0.0, (self._cable_damping * self._stiffness * part**2)[own])
             if resisting is not None:
-                resisting[own] = later * self._slopes[own]
+                resisting[own] = (later * self._slopes * part)[own]
                 extra[own] -= (resisting * winding)[own]
         elif self._some_motors:
             extra = np.zeros_like(pull) if extra is None else extra
@@ -379,6 +453,10 @@ class Motion:
             self.model.dof_damping[chains.dofs] = across[:, :0:-1, None]
             self._dampers[chains.brakes] = across[:, :1]
         return total
+
+    def _stretching(self, slopes: Float[np.ndarray, " tendons"]) -> Float[np.ndarray, " tendons"] | float:
+        """Parts of motions along tendons of these slopes [N/m] that stretch them; exits take the rest."""
+        return 1 / (1 + slopes * self._gives) if len(self._moving) else 1.0
 
     def _winding(self) -> Float[np.ndarray, " tendons"]:
         """Rates at which the rest lengths of tendons change [m/s]."""
@@ -422,6 +500,7 @@ class Motion:
         """Pose, lengths and tensions now; tensions include what dampers of cables add."""
         simulation, data, robot = self.simulation, self.data, self.robot
         self._wind(self.let_out)
+        self._balance_exits()
         pulls = self._pull_by(0.0)
         tensions, lengths = np.empty(robot.cables), np.empty(robot.cables)
         tensions[simulation.massless] = pulls[simulation.single]

@@ -46,6 +46,11 @@ RAMP = 20.0
 """[s] Time in which gravity grows to its full value: tens of times the period of DemoBot's slowest oscillation."""
 
 
+GROWING = 0.02
+"""Time step while gravity grows, as a fraction of 1/omega of the slowest oscillation, if more than that of the model:
+the air damps that oscillation critically, and an implicit step all that are faster."""
+
+
 @dataclass(frozen=True)
 class Release:
     """Motion of a platform that was displaced and released.
@@ -155,11 +160,13 @@ def grow_gravity(
     robot.cabling.refuse_memory()
     light = _massless(problem)
     with quiet():
-        motion = Motion(single(light, problem.pose), TIMESTEP, viscosity=settling_air(light)[1], theta=CALM)
-        steps = max(int(seconds / TIMESTEP), 1)
+        simulation = single(light, problem.pose)
+        longest = max(TIMESTEP, GROWING / simulation.swing[0])
+        motion = Motion(simulation, longest, viscosity=settling_air(light)[1], theta=CALM)
+        steps = max(int(seconds / longest), 1)
         gravity = motion.model.opt.gravity
         gravity[2] = -robot.gravity / steps
-        for step, _ in enumerate(motion.steps(steps * TIMESTEP), start=2):
+        for step, _ in enumerate(motion.steps(steps * longest), start=2):
             gravity[2] = -robot.gravity * min(step, steps) / steps
     if any(warning.number for warning in motion.data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")

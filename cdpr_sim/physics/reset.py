@@ -19,6 +19,7 @@ from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.cable import Springs
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, fixed_ends, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
 from cdpr_sim.physics.winches import LEAST_SPARE, controls
 
@@ -41,11 +42,12 @@ def reset(
     """Reset ``data``, with the platform at rest at ``pose`` and its cables commanded there.
 
     The model is one of ``to_mjcf``, compiled from text or from a file, alone or in a scene. All else in ``data`` gets
-    its initial value, as by ``mj_resetData``. Wheels face their anchors; winches get the controls, or activations, of
-    the rest lengths, and drums their places. In a model without winches, springs get the rest lengths: this changes
-    ``model``. Cables with mass hang between exit and anchor, and ``data.xfrc_applied`` corrects the weights of their
-    masses ``node_1_1``, ... and ``end_1`` for the length let out, so that the equilibrium of the model is that of
-    cables of these lengths. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
+    its initial value, as by ``mj_resetData``. Wheels face their anchors, and exits that give way are where their forces
+    balance; winches get the controls, or activations, of the rest lengths, and drums their places. In a model without
+    winches, springs get the rest lengths: this changes ``model``. Cables with mass hang between exit and anchor, and
+    ``data.xfrc_applied`` corrects the weights of their masses ``node_1_1``, ... and ``end_1`` for the length let out,
+    so that the equilibrium of the model is that of cables of these lengths. The keyframe ``commanded`` becomes this
+    state. ``mj_forward`` has been called at the end.
 
     Args:
         model: the model.
@@ -83,6 +85,10 @@ def reset(
                 raise InvalidInput(f"rest_lengths: found {asked.min():g} m, expected more than 0")
             ropes = asked + shared
         elif pretension is not None:
+            if parts.frames:
+                raise InvalidInput(
+                    "pretension: found exits that give way, expected exits that do not move; use rest_lengths for these"
+                )
             ropes = ropes / (1 + _strains(model, state, parts, float(checked_array("pretension", pretension, ()))))
         weights = np.zeros((model.nbody, 3))
         if len(parts.heavy):
@@ -107,6 +113,8 @@ def reset(
     else:
         parts.let_out(model, ropes)
     mujoco.mj_forward(model, data)
+    if parts.frames:
+        parts.balance_exits(model, data)
     key = _id(model, mujoco.mjtObj.mjOBJ_KEY, f"{prefix}commanded")
     if key >= 0:
         mujoco.mj_setKeyframe(model, data, key)
@@ -130,6 +138,7 @@ class _Parts:
         dampers: actuators of damped cables, or -1.
         drums: joints of drums, or -1.
         swivels: the wheels.
+        frames: the slides of exits that give way.
         offsets: differences between the lengths of tendons, with drums at 0, and cables [m].
         behind: lengths of rope behind the exit, for each part of line [m].
         rigid: what is rigid at the anchors [m].
@@ -170,11 +179,7 @@ class _Parts:
                 f"model: found no tendon '{prefix}cable_{np.argmax(self.cables < 0) + 1}', expected massless cables, "
                 "or those with mass in a model with winches or with a damping other than 'settle'"
             )
-        if (ids(kinds.mjOBJ_BODY, "frame_{}") >= 0).any():
-            raise InvalidInput(
-                "model: found exits that give way, expected exits that do not move: reset does not bring them to where "
-                "their forces balance"
-            )
+        self.frames = Slides.of(model, count, prefix)
         first = int(model.body_jntadr[self.platform])
         self.joints = list(range(first, first + int(model.body_jntnum[self.platform])))
         self.base = _id(model, kinds.mjOBJ_SITE, f"{prefix}base")
@@ -243,6 +248,17 @@ class _Parts:
                 f"{shortest:.4g} to {longest:.4g} m, which its winch can let out"
             )
         return inputs
+
+    def balance_exits(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Move exits that give way to where their forces balance."""
+
+        def forces() -> Float[np.ndarray, "1 dofs"]:
+            self.swivels.face(model, data, anchors=True)
+            mujoco.mj_forward(model, data)
+            return (data.qfrc_spring + data.qfrc_actuator)[None]
+
+        self.frames.settle(data.qpos[None], np.zeros(1, int), np.array([self.written.mean()]), forces)
+        forces()
 
     def let_out(self, model: mujoco.MjModel, ropes: Float[np.ndarray, " cables"]) -> None:
         """Give a model without winches these rest lengths, as l0 + c [m]."""

@@ -35,7 +35,7 @@ from cdpr_sim.physics.chains import refuse_short, too_short
 from cdpr_sim.physics.dynamic_relaxation import Frames
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.settling import Settling
-from cdpr_sim.physics.simulations import Simulations, refuse_own_masses, simulations_of
+from cdpr_sim.physics.simulations import Simulations, simulations_of
 
 HEAVY_ROWS, ROWS = 256, 4096
 """Rows that settle side by side, on chains and else: with more, each costs no less, and on chains they need 0.2 MB
@@ -113,10 +113,9 @@ def settle_trajectory(
     if weighs(problem.robot, model):
         refuse_short(problem.robot, problem.rest_lengths)
         one = Problems.stack([problem])
-        starts = settled_without_mass(one)
-        with simulations_of(one, starts, model=model) as simulations:
+        with simulations_of(settled_without_mass(one), model=model) as simulations:
             seen = [(motion.time, motion.look()) for motion in Settling(simulations).damped()]
-        equilibrium = _settled(one, starts, model=model)[0]
+        equilibrium = _settled(one, model=model)[0]
         times = [time for time, _ in seen]
         times.append(2 * times[-1] - times[-2])
         read = {name: [getattr(state, name)[0] for _, state in seen] for name in ("poses", "lengths", "tensions")}
@@ -132,7 +131,7 @@ def settle_trajectory(
     commands = Problems.stack([problem] * len(times))
     with simulations_of(without_weight(commands), model=model) as simulations:
         simulations.qpos[:] = qpos
-        simulations.follow(simulations.all)
+        simulations.residuals(simulations.all)
         seen = simulations.observe(simulations.all)
     return equilibrium, Trajectory.of(commands, times, seen.poses, seen.lengths, seen.tensions)
 
@@ -225,8 +224,9 @@ def residuals_of(
         possible = possible[~short.any(1)]
     else:
         problems = without_weight(problems)
+    problems = released(problems, poses.translation, poses.rotation.as_matrix())
     for rows in _chunks(possible, heavy):
-        with simulations_of(problems.take(rows), poses[rows], model=model, threads=threads) as simulations:
+        with simulations_of(problems.take(rows), model=model, threads=threads) as simulations:
             rests = Settling(simulations).settle_held() if heavy else np.ones(len(rows), dtype=bool)
             unbalanced = simulations.unbalanced if heavy else simulations.residuals
             found[rows] = np.where(rests, unbalanced(simulations.all), np.nan)
@@ -235,7 +235,6 @@ def residuals_of(
 
 def _settled(
     problems: Problems,
-    starts: RigidTransform | None = None,
     *,
     model: mujoco.MjModel | None = None,
     threads: int = 1,
@@ -246,20 +245,21 @@ def _settled(
     refuse_unless(mujoco.MjModel | None, model=model)
     if model is not None:
         problems.robot.cabling.refuse_memory()
-    with saying(progress) if weighs(problems.robot, model) else nullcontext() as say:
+    heavy = weighs(problems.robot, model)
+    with saying(progress) if heavy else nullcontext() as say:
 
         def report(state: str) -> None:
             assert say is not None
             say(f"MuJoCo settles the platform: {state}")
 
         shown = report if progress and say is not None else None
-        columns, _ = come_to_rest(problems, starts, model=model, threads=threads, frames=frames, say=shown)
+        starts = settled_without_mass(problems, threads) if heavy else problems
+        columns, _ = come_to_rest(starts, model=model, threads=threads, frames=frames, say=shown)
     return EquilibriumBatch(problems=problems, **columns, source="mujoco")
 
 
 def come_to_rest(
     problems: Problems,
-    starts: RigidTransform | None = None,
     *,
     model: mujoco.MjModel | None = None,
     memory: tuple[Memory, float] | None = None,
@@ -267,11 +267,10 @@ def come_to_rest(
     frames: Frames | None = None,
     say: Callable[[str], None] | None = None,
 ) -> tuple[dict[str, np.ndarray], Memory | None]:
-    """Settle each of (rows,) problems from its start.
+    """Settle each of (rows,) problems from its pose.
 
     Args:
         problems: the problems.
-        starts: a stack of poses, one for each; default: where they rest on massless cables, else their own.
         model: the model to use instead of the generated one.
         memory: of cables with one, (rows,), and the time since then [s]; default: that of new ropes.
         threads: 0 for one per processor.
@@ -287,8 +286,6 @@ def come_to_rest(
     heavy = weighs(problems.robot, model)
     if not heavy:
         problems = without_weight(problems)
-    elif starts is None:
-        starts = settled_without_mass(problems, threads)
     count, found, memories = len(problems), [], []
     for rows in _chunks(np.arange(count), heavy):
 
@@ -298,7 +295,6 @@ def come_to_rest(
 
         with simulations_of(
             problems if len(rows) == count else problems.take(rows),
-            None if starts is None else starts[rows],
             model=model,
             memory=None if memory is None else (memory[0][rows], memory[1]),
             threads=threads,
@@ -337,20 +333,26 @@ def at_rest(problem: Problem, start: RigidTransform, *, held: bool = False) -> S
 
 def single(problem: Problem, start: RigidTransform) -> Simulations:
     """Simulation of one problem for a motion, released at ``start``."""
-    problems = Problems.stack([problem])
-    refuse_own_masses(problems)
     with quiet():
         simulations = Simulations(problem.robot, 1, moves=True)
-        simulations.start(problems, RigidTransform.concatenate([start]))
+        place = start.translation[None], start.rotation.as_matrix()[None]
+        simulations.start(released(Problems.stack([problem]), *place))
     return simulations
 
 
-def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:
-    """Poses (rows,) at which platforms on massless cables come to rest; the commanded ones where they do not."""
+def settled_without_mass(problems: Problems, threads: int = 1) -> Problems:
+    """The problems from where platforms on massless cables come to rest; from the commanded pose where they do not."""
     light, _ = come_to_rest(without_weight(problems), threads=threads)
     rested = np.isfinite(light["residuals"])[:, None]
     positions = np.where(rested, light["positions"], problems.positions)
-    return poses_of(positions, np.where(rested[..., None], light["rotations"], problems.rotations))
+    return released(problems, positions, np.where(rested[..., None], light["rotations"], problems.rotations))
+
+
+def released(
+    problems: Problems, positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"]
+) -> Problems:
+    """The same problems, with platforms that start from these poses."""
+    return dataclasses.replace(problems, positions=positions, rotations=rotations, singles=())
 
 
 def refused(problems: Problems) -> Int[np.ndarray, " rows"]:

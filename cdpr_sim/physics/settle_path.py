@@ -15,7 +15,7 @@ from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.settle import come_to_rest, refused, unread
+from cdpr_sim.physics.settle import come_to_rest, refused, released, settled_without_mass, unread, weighs
 
 
 def settle_path(
@@ -73,11 +73,11 @@ def settle_path(
             starts = commands.take(going)
             if before is not None:  # from the equilibria before, moved as the commands are
                 there = last["positions"][going], last["rotations"][going]
-                positions, rotations = moved_as_commanded(*there, before.take(going), starts)
-                starts = replace(starts, positions=positions, rotations=rotations)
+                starts = released(starts, *moved_as_commanded(*there, before.take(going), starts))
+            elif weighs(robot):
+                starts = settled_without_mass(starts, threads)
             remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
-            at = None if before is None else starts.poses
-            read, after = come_to_rest(starts, at, memory=(remembered, duration), threads=threads)
+            read, after = come_to_rest(starts, memory=(remembered, duration), threads=threads)
             if after is None:
                 rest = np.broadcast_to(starts.rest_lengths, read["tensions"].shape)
                 after = replace(remembered, beyond=rest, tensions=read["tensions"])

@@ -209,8 +209,7 @@ class Settling:
         simulations.residuals(simulations.all)
         simulations.lay(simulations.all, simulations.expected_pulls(simulations.all))
         self.run(simulations.all)
-        still = simulations.held or bool(simulations.frames)  # motions have exits that do not move
-        for attempt in range(0 if still else TRIES):
+        for attempt in range(0 if simulations.held else TRIES):
             left = np.flatnonzero(self.status != Status.CONVERGED)
             with np.errstate(over="ignore", invalid="ignore"):  # of a motion that becomes unstable
                 for row in left.tolist():
@@ -233,35 +232,15 @@ class Settling:
 
     def run(self, at: Rows) -> None:
         """Move rows until each is in equilibrium, or given up."""
-        reached, known = self._newton(at)
-        self.status[at] = np.where(reached, Status.CONVERGED, Status.ITERATION_LIMIT)
-        self.status[at[~known]] = Status.DIVERGED
-
-    def finish(self, at: Rows) -> Bool[np.ndarray, " some"]:
-        """Move rows to the equilibria beside them; those that Newton's method does not reach are put back."""
-        simulations, steps = self.simulations, self.steps[at]
-        qpos, qvel = simulations.qpos[at], simulations.qvel[at]
-        reached, _ = self._newton(at, near=True)
-        left = at[~reached]
-        simulations.qpos[left], simulations.qvel[left] = qpos[~reached], qvel[~reached]
-        self.steps[left] = steps[~reached]
-        return reached
-
-    def _newton(self, at: Rows, *, near: bool = False) -> tuple[Bool[np.ndarray, " some"], Bool[np.ndarray, " some"]]:
-        """``run``; returns which rows are in equilibrium, and where forces were finite.
-
-        If equilibria have to be ``near``, rows are given up where a step is not short.
-        """
         simulations, rows, derivatives = self.simulations, len(at), None
         chains, slides = simulations.slides.shape
         modes = np.zeros((rows, chains, slides)), np.zeros((rows, chains, slides, slides))
         known = np.ones(rows, dtype=bool)
         earlier, vain = np.full(rows, -1.0), np.zeros(rows, dtype=int)
-        limit = self.steps[at] + (MOST_NEAR if near else STEPS)
+        limit = self.steps[at] + STEPS
         residual = simulations.residuals(at)
         while True:
-            going = known & (self.steps[at] < limit) & (vain < (1 if near else VAIN))
-            going &= ~(residual <= self.target[at]) | (near & (earlier < 0))  # one that is near may be in passing
+            going = known & (self.steps[at] < limit) & (vain < VAIN) & ~(residual <= self.target[at])
             stale = np.flatnonzero(going & ~(residual <= QUICK * earlier))
             if len(stale):
                 fresh = Derivatives.of(simulations, at[stale], quick=True)
@@ -272,45 +251,61 @@ class Settling:
                     whole[stale] = part
                 finite = stale[fresh.known]
                 within = derivatives.within[finite]
-                if within.size:
-                    modes[0][finite], modes[1][finite] = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
+                modes[0][finite], modes[1][finite] = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
             live = np.flatnonzero(going & known)
             if derivatives is None or not len(live):
                 break
             earlier[live] = residual[live]
             some = Derivatives(*(part[live] for part in derivatives))
             with np.errstate(over="ignore", invalid="ignore"):  # at trials on the way
-                if near:
-                    good, residual[live] = self._short_step(at[live], some.direct, residual[live])
-                else:
-                    modal = modes[0][live], modes[1][live]
-                    good, residual[live] = self._step(at[live], some, modal, residual[live])
+                good, residual[live] = self._step(at[live], some, (modes[0][live], modes[1][live]), residual[live])
             vain[live] = np.where(good, 0, vain[live] + 1)
             if self.say is not None:
                 for row, left in zip(at[live], residual[live], strict=True):
                     load = simulations.load[row]
                     self.say(int(row), f"{self.steps[row]} steps, {left:.1e} N of {load:.3g} N unbalanced")
-        return (residual <= self.target[at]) & ~(near & ((vain > 0) | ~known)), known
+        self.status[at] = np.where(residual <= self.target[at], Status.CONVERGED, Status.ITERATION_LIMIT)
+        self.status[at[~known]] = Status.DIVERGED
 
-    def _short_step(
-        self, at: Rows, stiffness: Float[np.ndarray, "some free free"], residual: Float[np.ndarray, " some"]
-    ) -> tuple[Bool[np.ndarray, " some"], Float[np.ndarray, " some"]]:
-        """One step to an equilibrium that is near; whether it is one, and the residual after it [N].
+    def finish(self, at: Rows) -> Bool[np.ndarray, " some"]:
+        """Move rows on massless cables to the equilibria beside them; returns which reach them.
 
-        It is none where the stiffness is not positive definite, the step is long, or it does not halve the force: a
-        cable has become slack or taut.
+        Newton's method: rows are put back if their stiffness is not positive definite, their first step is long, or a
+        step does not halve the force: a cable has become slack or taut.
         """
-        simulations = self.simulations
+        simulations, free, count = self.simulations, self.simulations.free, self.steps[at]
+        qpos, qvel = simulations.qpos[at], simulations.qvel[at]
+        residual, earlier = simulations.residuals(at), np.full(len(at), -1.0)
+        compliance, definite = np.zeros((len(at), free, free)), np.zeros(len(at), dtype=bool)
+        reached, going = np.zeros(len(at), dtype=bool), np.arange(len(at))
+        for _ in range(MOST_NEAR):
+            stale = going[~(residual[going] <= QUICK * earlier[going])]
+            if len(stale):
+                compliance[stale], definite[stale] = self._compliance(at[stale])
+            rows, earlier[going] = at[going], residual[going]
+            x = (compliance[going] @ simulations.forces(rows)[0][..., None])[..., 0]
+            usable = definite[going] & (np.abs(x).max(1) <= NEAR * simulations.size[rows])
+            x[~usable] = 0
+            simulations.qpos[rows] = simulations.displaced(simulations.qpos[rows], simulations.in_dofs(rows, x))
+            self.steps[rows] += 1
+            left = residual[going] = simulations.residuals(rows)
+            reached[going] = rests = usable & (left <= self.target[rows])
+            going = going[usable & ~rests & (left <= CLOSER * earlier[going])]
+            if not len(going):
+                break
+        back = at[~reached]
+        simulations.qpos[back], simulations.qvel[back] = qpos[~reached], qvel[~reached]
+        self.steps[back] = count[~reached]
+        return reached
+
+    def _compliance(self, at: Rows) -> tuple[Float[np.ndarray, "some free free"], Bool[np.ndarray, " some"]]:
+        """Inverse of the stiffness [m/N] of rows on massless cables; and where that is positive definite."""
+        derivatives = Derivatives.of(self.simulations, at, quick=True)
+        stiffness = np.where(derivatives.known[:, None, None], derivatives.direct, 0.0)
         values = np.linalg.eigvalsh((stiffness + stiffness.swapaxes(1, 2)) / 2)
-        usable = values[:, 0] > DEFINITE * values[:, -1]
-        x = np.zeros((len(at), simulations.free))
-        x[usable] = np.linalg.solve(stiffness[usable], simulations.forces(at)[0][usable, :, None])[..., 0]
-        usable &= np.abs(x).max(1) <= NEAR * simulations.rest_lengths[at].mean(1)
-        x[~usable] = 0
-        simulations.qpos[at] = simulations.displaced(simulations.qpos[at], simulations.in_dofs(at, x))
-        self.steps[at] += 1
-        after = simulations.residuals(at)
-        return usable & ((after <= CLOSER * residual) | (after <= self.target[at])), after
+        definite = values[:, 0] > DEFINITE * values[:, -1]
+        stiffness[~definite] = np.eye(self.simulations.free)
+        return np.linalg.inv(stiffness), definite
 
     def _step(
         self, at: Rows, derivatives: Derivatives, modes: Modes, residual: Float[np.ndarray, " some"]
@@ -386,7 +381,7 @@ class Settling:
             pushed = pushed - (across.swapaxes(2, 3) @ alone[..., None])[..., 0].sum(1)
             x = self._damped(at, direct, pushed, firmness * simulations.swing[at] ** 2)
             limit = np.abs(x[:, simulations.angular]).max(1) / (TURN * simulations.length)
-            limit = np.maximum(limit, np.abs(x).max(1) / (FAR * simulations.rest_lengths[at].mean(1)))
+            limit = np.maximum(limit, np.abs(x).max(1) / (FAR * simulations.size[at]))
             x /= np.maximum(limit, 1.0)[:, None]
         slid = alone - (follow @ x[:, None, :, None])[..., 0]
         return x, slid, _work(forces, carried, x, slid)

@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.problem import OWN_AXES, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import IDLE_STRAIN
 from cdpr_sim.physics import pulleys
@@ -40,7 +40,7 @@ from cdpr_sim.physics.chains import (
     profiles,
     straight,
 )
-from cdpr_sim.physics.exits import Slides, refuse_memory_and_mass
+from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -130,6 +130,7 @@ class Simulations:
             _generated(robot, self.sinks) if model is None else _prepared(model, robot, self.sinks)
         )
         self.frames, chains = Slides.of(self.model, robot.cables), self.chains
+        self._gives_way = bool(self.frames)
         self.heavy = bool(len(chains.cables))
         # Behind all rows there are simulations at other places: for each row, as many as ``Derivatives`` needs, six
         # displacements of a spatial platform and three of the masses, or three of a planar platform and six of them;
@@ -151,40 +152,42 @@ class Simulations:
         self.elements = (
             Elements(self.batch, self.model, cabling, self.unit, rows) if self.sinks and len(self.with_memory) else None
         )
+        self._own = [self.batch.state, *([] if self.elements is None else [self.elements.yields])]
+        if self.heavy or len(self.swivels):
+            self._own += self._others
         self._entries = np.repeat(np.arange(self.model.ntendon), self.model.ten_J_rownnz)
         self.net, self.rotations = np.zeros((rows, self.model.nv)), np.zeros((rows, 3, 3))
 
     def _name_fields(self) -> None:
         """MuJoCo's fields: those of the model that rows have of their own, states, and what MuJoCo computes."""
-        rows = len(self.all)
+        batch, rows = self.batch, len(self.all)
+        # Of all simulations, also those at other places.
+        names = "qpos", "qvel", "qfrc_passive", "qfrc_bias", "qfrc_smooth", "qfrc_spring", "xmat"
+        self._every = {name: batch.bind(name) for name in names}
+        self._springs, self._others = ([batch.expand(name) for name in names] for names in (SPRINGS, OTHERS))
 
-        def own(name: str) -> np.ndarray:
-            return self.batch.expand(name)[:rows]
-
-        def computed(name: str) -> np.ndarray:
-            return self.batch.bind(name)[:rows]
-
-        self.bands, self.stiffnesses, self.further = (own(name) for name in SPRINGS)
-        self.masses, self._subtrees, self._quaternions = (own(name) for name in OTHERS)
-        self.damping = own("dof_damping")
-        self.armature, self.timestep = own("dof_armature"), own("opt.timestep").reshape(-1)
-        self.qpos, self.qvel, self._loads = computed("qpos"), computed("qvel"), computed("xfrc_applied")
-        self._passive, self._bias = computed("qfrc_passive"), computed("qfrc_bias")
-        self._damper, self._smooth, self._jacobian = computed("qfrc_damper"), computed("qfrc_smooth"), computed("ten_J")
-        self.ten_length, self.xpos, self.xmat = computed("ten_length"), computed("xpos"), computed("xmat")
-        self._pulls = self.batch.bind("qfrc_spring")
+        self.bands, self.stiffnesses, self.further = (field[:rows] for field in self._springs)
+        self.masses, self._subtrees, self._quaternions = (field[:rows] for field in self._others)
+        self.damping, self.armature, timestep = (
+            batch.expand(name)[:rows] for name in ("dof_damping", "dof_armature", "opt.timestep")
+        )
+        self.timestep = timestep.reshape(-1)
+        self.qpos, self.qvel, self._passive, self._bias, self._smooth, self._pulls, self.xmat = (
+            field[:rows] for field in self._every.values()
+        )
+        names = "xfrc_applied", "qfrc_damper", "ten_J", "ten_length", "xpos"
+        self._loads, self._damper, self._jacobian, self.ten_length, self.xpos = (
+            batch.bind(name)[:rows] for name in names
+        )
         self._frames = matrices(self.model.body_quat[self.swivels.bodies])
         if len(self.swivels):
-            self._sites, self._points = computed("site_xpos"), computed("ten_wrapnum")
+            self._sites, self._points = batch.bind("site_xpos")[:rows], batch.bind("ten_wrapnum")[:rows]
 
-    def start(
-        self, problems: Problems, starts: RigidTransform | None = None, memory: tuple[Memory, float] | None = None
-    ) -> None:
+    def start(self, problems: Problems, memory: tuple[Memory, float] | None = None) -> None:
         """Put the platforms at their poses, with zero velocity, and with the rest lengths and loads of their problems.
 
         Args:
             problems: (rows,) problems of one mass.
-            starts: initial poses of the platforms, a stack of (rows,); default: the problems' poses.
             memory: where cables have a memory, that before this step, (rows,), and the time since then [s]; default:
                 that of new ropes. It is held (``rope_memory``).
 
@@ -192,18 +195,12 @@ class Simulations:
             InvalidInput: a wrench on a model without a body ``origin``.
         """
         robot, cabling, rows = self.robot, self.robot.cabling, len(self.all)
-        placed = problems.positions, problems.rotations
-        if starts is not None:
-            placed = starts.translation, starts.rotation.as_matrix()
-        self._from = np.broadcast_to(placed[0], (rows, 3)), np.broadcast_to(placed[1], (rows, 3, 3))
-        self.rest_lengths, self.axial_stiffness, self.wrenches = (
-            np.array(np.broadcast_to(numbers, (rows, each)), order="C")  # one row is summed as many are
-            for numbers, each in (
-                (problems.rest_lengths, robot.cables),
-                (problems.axial_stiffness, robot.cables),
-                (problems.external_wrench, 6),
-            )
-        )
+        names = "positions", "rotations", "rest_lengths", "axial_stiffness", "external_wrench"
+        *self._from, self.rest_lengths, self.axial_stiffness, self.wrenches = fields = [
+            np.empty((rows, *getattr(problems, name).shape[-OWN_AXES[name] :])) for name in names
+        ]
+        for name, field in zip(names, fields, strict=True):
+            field[:] = getattr(problems, name)
         if self.given and not self.heavy:
             self.rest_lengths = self.bands[:, self.first, 1] - self.entries
         if self.wrenches.any() and self.origin < 0:
@@ -225,7 +222,8 @@ class Simulations:
             stiff = self.stiffnesses[:, self.first] * self.unit * self.rest_lengths
             load = np.where(load > 0, load, IDLE_STRAIN * stiff.mean(1))
         self.load = load
-        self.swing = np.sqrt(self.load / robot.mass / self.rest_lengths.mean(1))
+        self.size = self.rest_lengths.mean(1)
+        self.swing = np.sqrt(self.load / robot.mass / self.size)
         self.restart(self.all)
 
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
@@ -288,7 +286,8 @@ class Simulations:
 
         Exits that give way are then where their forces balance.
         """
-        self._move_exits(at, self.rest_lengths[at].mean(1), lambda: self._follow(at))
+        if self._gives_way:
+            self._move_exits(at, self.size[at], lambda: self._follow(at))
         self._follow(at)
 
     def _follow(self, at: Rows) -> None:
@@ -345,6 +344,8 @@ class Simulations:
         return None if self.ropes is None else self._before[row][None]
 
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
+        if not self.heavy:
+            return np.zeros((len(self.all), 0))
         beyond = Law.of(self.robot.cabling).ropes(self.rest_lengths) - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
 
@@ -363,11 +364,14 @@ class Simulations:
         return self.ten_length[at][:, self.chains.chords] - self.chains.entries
 
     def lengths(self, at: Rows) -> Float[np.ndarray, "some cables"]:
-        """Length of each cable [m]; for a cable with mass, its chord, over a wheel that faces the anchor."""
+        """Length of each cable [m], as of MuJoCo's last call; for a cable with mass, its chord.
+
+        That is over a wheel that faces the anchor.
+        """
         aside = bool(self.chains.over.any())  # the wheels face the first masses
         if aside:
             self.turn_wheels(at, anchors=True)
-        self.batch.forward(at, stage=POSITIONS)
+            self.batch.forward(at, stage=POSITIONS)
         lengths = np.empty((len(at), self.robot.cables))
         lengths[:, self.chains.cables] = self.chords(at)
         lengths[:, self.massless] = self.ten_length[at][:, self.single] - self.entries[self.massless]
@@ -433,22 +437,23 @@ class Simulations:
             qpos: the coordinates.
             springs: the ``SPRINGS`` there.
         """
-        batch, each = self.batch, (len(at), qpos.shape[1])
+        every, each = self._every, (len(at), qpos.shape[1])
         places = self._elsewhere(at, each[1], qpos, tuple(spring[:, None] for spring in springs))
         rows = np.arange(places.start, places.stop)
 
         def turn() -> None:
-            self._turn_wheels(batch.qpos, batch.expand("body_quat"), rows)
+            self._turn_wheels(self._every["qpos"], self._others[-1], rows)
 
-        self._move_exits(rows, np.repeat(self.rest_lengths[at].mean(1), each[1]), turn)
+        if self._gives_way:
+            self._move_exits(rows, np.repeat(self.size[at], each[1]), turn)
         turn()
-        batch.forward(rows, stage=self._stage)
+        self.batch.forward(rows, stage=self._stage)
         if self._stage == FORCES:
-            net = batch.qfrc_smooth[places]
+            net = every["qfrc_smooth"][places]
         else:
-            net = batch.qfrc_passive[places] - batch.qfrc_bias[places]
+            net = every["qfrc_passive"][places] - every["qfrc_bias"][places]
         net = net.reshape(*each, -1) * self.unit
-        rotations = batch.xmat[places, self.platform].reshape(*each, 3, 3)
+        rotations = every["xmat"][places, self.platform].reshape(*each, 3, 3)
         return in_base_frame(net[..., : self.free], rotations, self.length), net[..., self.slides]
 
     def unbalanced(self, at: Rows) -> Float[np.ndarray, " some"]:
@@ -473,25 +478,26 @@ class Simulations:
         self.follow(at)
         self.batch.forward(at, stage=self._stage)
         self.take_over(at)
-        left = np.abs(self._pulls[at][:, self.frames.dofs[self.frames.some]]).max(1, initial=0.0)
-        return np.maximum(self.unbalanced(at), left * self.unit)
+        left = self.unbalanced(at)
+        if self._gives_way:
+            frames = np.abs(self._pulls[at][:, self.frames.dofs[self.frames.some]]).max(1)
+            left = np.maximum(left, frames * self.unit)
+        return left
 
     def _move_exits(self, rows: Rows, length: Float[np.ndarray, " some"], follow: Callable[[], None]) -> None:
         """Move exits that give way to where their forces balance, also of simulations behind the rows.
 
         ``follow`` lets wheels and springs follow; ``length`` is that of the cables [m].
         """
-        if not self.frames:
-            return
 
         def springs() -> Float[np.ndarray, "all dofs"]:
             follow()
             self.batch.forward(rows, stage=VELOCITIES)
-            return self._pulls
+            return self._every["qfrc_spring"]
 
         with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that becomes unstable
-            self.frames.settle(self.batch.qpos, rows, length, springs)
-        self.batch.qvel[rows[:, None], self.frames.dofs[self.frames.some]] = 0
+            self.frames.settle(self._every["qpos"], rows, length, springs)
+        self._every["qvel"][rows[:, None], self.frames.dofs[self.frames.some]] = 0
 
     def _exits(self, qpos: Float[np.ndarray, "some coordinates"]) -> Float[np.ndarray, "some cables 3"]:
         """Where exits are with these coordinates, base frame [m]."""
@@ -586,7 +592,8 @@ class Simulations:
             self.batch.forward(at, stage=POSITIONS)
         jacobian, springs = np.zeros((len(at), self.model.ntendon, self.model.nv)), self._alone(at, sets)
         jacobian[:, self._entries, self.model.ten_J_colind] = self._jacobian[at]
-        jacobian[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
+        if self._gives_way:
+            jacobian[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
         ways = np.ascontiguousarray(jacobian[:, [tendons[0] for tendons in sets]])
         pulls = -(ways * springs).sum(2) / np.maximum((ways * ways).sum(2), np.finfo(float).tiny)
         return pulls * self.unit + 0.0  # no negative zero
@@ -607,7 +614,7 @@ class Simulations:
             )
             places = self._elsewhere(at, len(some), self.qpos[at, None], alone)
             self.batch.forward(np.arange(places.start, places.stop), stage=VELOCITIES)
-            found[:, first : first + len(some)] = self._pulls[places].reshape(len(at), len(some), -1)
+            found[:, first : first + len(some)] = self._every["qfrc_spring"][places].reshape(len(at), len(some), -1)
         return found
 
     def _elsewhere(
@@ -618,22 +625,17 @@ class Simulations:
         springs: tuple[Float[np.ndarray, "..."], ...],
     ) -> slice:
         """Simulations like those of the rows, ``count`` for each, at other coordinates and with other ``SPRINGS``."""
-        batch, first = self.batch, len(self.all)
-        places = slice(first, first + len(at) * count)
-        each = len(at), count
+        first = len(self.all)
+        places, each = slice(first, first + len(at) * count), (len(at), count)
 
         def write(field: np.ndarray, values: np.ndarray) -> None:
             field[places].reshape(*each, *field.shape[1:])[:] = values
 
-        for name, values in zip(SPRINGS, springs, strict=True):
-            write(batch.expand(name), values)
-        for name in OTHERS if self.heavy or len(self.swivels) else ():
-            field = batch.expand(name)
-            write(field, field[at][:, None])
-        if self.elements is not None:
-            write(self.elements.yields, self.elements.yields[at][:, None])
-        write(batch.state, batch.state[at][:, None])
-        write(batch.qpos, qpos)
+        for field, values in zip(self._springs, springs, strict=True):
+            write(field, values)
+        for field in self._own:
+            write(field, field[at, None])
+        write(self._every["qpos"], qpos)
         return places
 
     def lay(self, at: Rows, pulls: Float[np.ndarray, "some chains 3"]) -> Bool[np.ndarray, "some chains"]:
@@ -776,7 +778,6 @@ MOST_IDLE, MOST_ROWS = 16, 64
 @contextmanager
 def simulations_of(
     problems: Problems,
-    starts: RigidTransform | None = None,
     *,
     model: mujoco.MjModel | None = None,
     memory: tuple[Memory, float] | None = None,
@@ -786,23 +787,21 @@ def simulations_of(
 
     Args:
         problems: (rows,) problems, of one mass.
-        starts: as in ``Simulations.start``.
         model: the model to use instead of the generated one, with its own springs.
         memory: as in ``Simulations.start``.
         threads: 0 for one per processor.
 
     Raises:
-        InvalidInput: a mass per problem, since all rows have one model; exits that give way beside mass and memory.
+        InvalidInput: a mass per problem, since all rows have one model.
     """
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
-    refuse_memory_and_mass(robot.cabling)
     reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
     found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():
         if found is None:
             found = Simulations(robot, rows, model=model, threads=threads)
-        found.start(problems, starts, memory)
+        found.start(problems, memory)
         yield found
     if reusable:
         _idle[key] = found
@@ -847,7 +846,8 @@ def _prepared(model: mujoco.MjModel, robot: Robot, sinks: bool) -> Indices:
         angular = slice(3, 6) if len(robot.free) == 6 else slice(2, 3)
         model.dof_armature[angular] = TURNING * _inertia(robot)[angular]
         frames = Slides.of(model, robot.cables)
-        model.dof_armature[frames.dofs[frames.some]] = IMMOVABLE  # by time steps; they move between them
+        dofs = frames.dofs[frames.some]
+        model.dof_armature[dofs] = model.dof_M0[dofs] = IMMOVABLE  # by time steps; they move between them
     model.dof_armature[swivels.dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     if sinks:
         mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses

@@ -78,5 +78,4 @@ def _written(robot: Robot, position: bytes, rotation: bytes) -> Float[np.ndarray
     at = Pose(np.frombuffer(position), np.frombuffer(rotation).reshape(3, 3))
     rigid = Problem.of(robot, at).rest_lengths
     robot.cabling.refuse_memory()
-    robot.cabling.refuse_compliance("winch_controls")
     return frozen(np.array([rigid, *reach(robot, rigid)]))

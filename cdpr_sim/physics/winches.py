@@ -47,7 +47,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import FLAG, as_numbers
+from cdpr_sim.core.checks import FLAG, as_numbers, shown
 from cdpr_sim.core.controller import Command
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
@@ -161,7 +161,7 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
         forces = as_numbers("winch_force", winch_force, "one number or one per cable")
         if forces.shape not in {(), (robot.cables,)} or not (forces > 0).all():
             raise InvalidInput(
-                f"winch_force: found {winch_force!r}, expected one positive number or one for each of the "
+                f"winch_force: found {shown(winch_force)}, expected one positive number or one for each of the "
                 f"{robot.cables} cables [N]"
             )
         forces = np.broadcast_to(forces, (robot.cables,)).copy()
