@@ -132,15 +132,16 @@ def wheel_paths(
     z: Float[np.ndarray, "*batch pulleys"],
 ) -> Float[np.ndarray, "10 *batch pulleys"]:
     """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path."""
-    *found, clear = _over_wheels(cabling, x, y, z)
+    *found, clear = _over_wheels(cabling, np.stack([x, y, z]))
     return np.where(clear >= 0, np.array(found), np.nan)
 
 
-def _over_wheels(cabling: Cabling, *chords: Float[np.ndarray, "*batch pulleys"]) -> tuple[np.ndarray, ...]:
+def _over_wheels(cabling: Cabling, chords: Float[np.ndarray, "3 *batch pulleys"]) -> tuple[np.ndarray, ...]:
     """Results of ``pulley_path`` for each cable over a pulley."""
-    over = cabling.pulleys
+    over, (x, y, z) = cabling.pulleys, chords
+    ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        return pulley_path(*chords, *cabling.pulley_axis[over].T, cabling.pulley_radius[over])
+        return pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
 
 
 def wrapped_lengths(
@@ -294,7 +295,7 @@ def lengths(
     if over.any():
         rows = np.array(coordinates)[..., over].reshape(3, -1, over.sum())
         for first in range(0, rows.shape[1], PIECE):
-            length, *_, clear = _over_wheels(cabling, *rows[:, first : first + PIECE])
+            length, *_, clear = _over_wheels(cabling, rows[:, first : first + PIECE])
             rows[0, first : first + PIECE] = np.where(clear >= 0, length, np.nan)
         found[..., over] = rows[0].reshape(*found.shape[:-1], -1)
     return found
