@@ -43,7 +43,9 @@ CABLE_FIELDS = ("exits", "anchors", "axial_stiffness", "linear_density", "pulley
 def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
     """A problem in the format of its file."""
     robot, cabling = problem.robot, problem.robot.cabling
-    names = CABLE_FIELDS + (("winch_to_exit", "reeving") if cabling.reeved.any() else ())
+    names = CABLE_FIELDS + (
+        ("winch_to_exit", "reeving") if (cabling.behind > 0).any() or (cabling.reeving > 1).any() else ()
+    )
     fields = {field: getattr(cabling, field).tolist() for field in names}
     fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
     fields |= {"gravity": robot.gravity, "mobility": robot.mobility}
