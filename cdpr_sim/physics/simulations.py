@@ -757,16 +757,6 @@ def turned(
     return whole
 
 
-def refuse_own_masses(problems: Problems) -> None:
-    """Refuse a mass per problem, since one model has one mass.
-
-    Raises:
-        InvalidInput: another mass than the robot's.
-    """
-    if (problems.mass != problems.robot.mass).any():
-        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
-
-
 _idle: dict[tuple[Robot, int, int], Simulations] = {}
 """Cache of simulations by robot, rows and threads: building one takes as long as a settling."""
 
@@ -794,7 +784,8 @@ def simulations_of(
         InvalidInput: a mass per problem, since all rows have one model; exits that give way beside mass and memory.
     """
     robot, rows = problems.robot, len(problems)
-    refuse_own_masses(problems)
+    if (problems.mass != robot.mass).any():
+        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
     refuse_memory_and_mass(robot.cabling)
     reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
     found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
