@@ -43,7 +43,8 @@ unstable."""
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
 """Damping ratio of the slowest oscillation: overdamped at first, so that the platform sinks into the equilibrium below
-it and does not swing into another one."""
+it and does not swing into another one. Fast oscillations are not overdamped: of random platforms that fall into eight
+cables as long as their spans, one in a hundred ends in another equilibrium than an overdamped motion."""
 
 OVERDAMPED = 10.0
 """Smallest damping ratio of a platform that has been below a wheel: it does not swing past an equilibrium beside the
