@@ -85,16 +85,11 @@ def acceleration(rig: oracle.Rig, y, rest_lengths, rates, damping, cable_damping
     behind = rig.winch_to_exit / rig.reeving
     slopes = rig.reeving * rig.axial_stiffness / (rest_lengths + behind)
 
-    def stretched(span):
-        theta, straight, leaving = oracle.over_wheel(rig, span)
-        return rig.pulley_radius * theta + straight - rest_lengths, leaving
-
-    def leaves(span):  # exits that give way do under springs: those robots have cables without damping
-        stretch, leaving = stretched(span)
-        return (slopes * np.maximum(stretch, 0))[:, None] * leaving
-
     span = y[:3] + arms - rig.exits
-    stretch, leaving = stretched(span - oracle.exit_moves(rig, leaves, span))
+    if rig.exit_compliance.any():  # under springs: robots with such exits have cables without damping here
+        span = span - oracle.exit_moves(rig, oracle.Ropes(rig, rest_lengths), span)
+    theta, straight, leaving = oracle.over_wheel(rig, span)
+    stretch = rig.pulley_radius * theta + straight - rest_lengths
     growth = (leaving * (v + np.cross(R @ spin, arms))).sum(1) - rates
     pull = slopes * (stretch + cable_damping * growth)
     pulls = -np.maximum(pull, 0)[:, None] * leaving

@@ -131,12 +131,16 @@ def wheel_paths(
     y: Float[np.ndarray, "*batch pulleys"],
     z: Float[np.ndarray, "*batch pulleys"],
 ) -> Float[np.ndarray, "10 *batch pulleys"]:
-    """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path."""
+    """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path.
+
+    It has none either where its rigid end would lie on the wheel.
+    """
     over = cabling.pulleys
     ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
         *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
-    return np.where(clear >= 0, np.array(found), np.nan)
+        bends = (clear >= 0) & (found[4] > cabling.rigid_length[over])
+    return np.where(bends, np.array(found), np.nan)
 
 
 def wrapped_lengths(
@@ -235,7 +239,13 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
     if not lost.any():
         return ""
     cable = int(np.argmax(lost))
-    axis, radius = cabling.pulley_axis[cable], cabling.pulley_radius[cable]
+    axis, radius, rigid = cabling.pulley_axis[cable], cabling.pulley_radius[cable], cabling.rigid_length[cable]
+    found = pulley_path(*chords[cable], *axis, float(radius))  # pyright: ignore[reportCallIssue]
+    if found[-1] >= 0 and np.isfinite(found[4]):
+        return (
+            f"the rigid end of cable {cable + 1} on its pulley's wheel, {found[4]:.3g} m from the anchor, expected a "
+            f"larger distance than its rigid_length, {rigid:g} m"
+        )
     distance, where, centre = float(np.linalg.norm(np.cross(axis, chords[cable]))), "inside or below", "pulley's axis"
     if distance >= radius:
         distance, where, centre = float(np.hypot(distance - radius, axis @ chords[cable])), "inside", "wheel's centre"
