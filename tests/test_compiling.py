@@ -256,6 +256,34 @@ def test_numbas_own_switch_interprets_all(tmp_path):
     assert contents(tmp_path / "cache") == {}
 
 
+@pytest.mark.parametrize("setting", ["NUMBA_OPT=9", "NUMBA_LOOP_VECTORIZE=x", "NUMBA_CACHE_LOCATOR_CLASSES=x"])
+def test_senseless_settings_of_numba_are_ignored(tmp_path, setting):
+    """Numba itself warns of the first two by the text of a traceback, and raises an error because of the last."""
+    name, value = setting.split("=")
+    printed, said = finished(start(tmp_path, BOTH, **{name: value}))
+    assert printed == ANSWERS
+    for line in said.splitlines():
+        assert line.startswith("cdpr_sim compiles its"), line
+
+
+def test_a_setting_with_which_numba_cannot_be_imported_is_named_in_one_sentence(tmp_path):
+    """It raises an error because of a negative number of threads."""
+    printed, said = finished(start(tmp_path, REFUSED, NUMBA_NUM_THREADS="-1"))
+    assert " ".join(printed).startswith("compiled code: Numba cannot be imported: Number of threads specified must be")
+    assert "NUMBA_NUM_THREADS=-1" in printed
+    assert said == ""
+
+
+REFUSED = """
+from doubles import *
+from cdpr_sim import CdprError
+try:
+    kernel(many)
+except CdprError as error:
+    print(error)
+"""
+
+
 # --- nobody waits for ever ----------------------------------------------------------------------------------------
 
 IN_THREADS = """

@@ -85,10 +85,11 @@ def acceleration(rig: oracle.Rig, y, rest_lengths, rates, damping, cable_damping
     behind = rig.winch_to_exit / rig.reeving
     slopes = rig.reeving * rig.axial_stiffness / (rest_lengths + behind)
 
+    # Exits that give way do under springs: those robots have cables without damping.
     span = y[:3] + arms - rig.exits
-    if rig.exit_compliance.any():  # under springs: robots with such exits have cables without damping here
-        span = span - oracle.exit_moves(rig, oracle.Ropes(rig, rest_lengths), span)
-    theta, straight, leaving = oracle.over_wheel(rig, span)
+    theta, straight, leaving = oracle.over_wheel(
+        rig, span - oracle.exit_moves(rig, oracle.Ropes(rig, rest_lengths), span)
+    )
     stretch = rig.pulley_radius * theta + straight - rest_lengths
     growth = (leaving * (v + np.cross(R @ spin, arms))).sum(1) - rates
     pull = slopes * (stretch + cable_damping * growth)

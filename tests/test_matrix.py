@@ -362,7 +362,7 @@ NEW = ("friction", "creep")
 NO_MEMORY = dict.fromkeys(MEMORY, "their memory is not taken into account here")
 
 
-RIGID_EXITS = {"frame": "the frame's compliance is not taken into account here"}
+RIGID_EXITS = {"frame": "does not take it into account"}
 
 
 def row(*of: str, refuses=None, few=None, only=lambda at: True, blind=()):
@@ -842,7 +842,7 @@ def _certify(at: Case) -> Judge:
 
 @row(
     "certify_all",
-    refuses=NO_MEMORY | UNPROVED | {"mass": "expected massless"},
+    refuses=NO_MEMORY | UNPROVED | {"mass": "proof of completeness does not take it into account"},
     few=8,
     only=lambda at: at.robot.mobility == "planar",
 )

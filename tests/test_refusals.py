@@ -245,7 +245,6 @@ def crowded():
 CALLS = [  # a call with a folder, the class of its error, and its sentence
     (lambda at: cdpr.load_robot(at / "nowhere.toml"), cdpr.RobotFileError, "nowhere.toml: no such file"),
     (lambda at: cdpr.load_robot(at / "nowhere.json"), cdpr.RobotFileError, "nowhere.json: no such file"),
-    (lambda at: cdpr.load_robot("paralel"), cdpr.UnknownName, "did you mean parallel"),
     (lambda at: cdpr.load_robot("COGIRO"), cdpr.UnknownName, "did you mean cogiro"),
     (lambda at: cdpr.load_robot(written(at / "six.toml", "").stem), cdpr.UnknownName,
      "unknown robot 'six': did you mean six.toml? known: acrobot"),
@@ -257,7 +256,6 @@ CALLS = [  # a call with a folder, the class of its error, and its sentence
      f"found the name 'crane.xml', expected {PAIR.format('bodies', 'cables')}"),
     (lambda at: cdpr.import_robot(copied(at, "crane_cables.xml", "cables.xml")), cdpr.RobotFileError,
      f"found the name 'cables.xml', expected {PAIR.format('cables', 'bodies')}"),
-    (lambda at: cdpr.import_robot(FILES / "crane.wcrfx", format="wirx"), cdpr.UnknownName, "did you mean wirex"),
     (lambda at: cdpr.import_robot(FILES / "crane.wcrfx", format="caspr"), cdpr.RobotFileError,
      "found no bodies_system at the top, expected CASPR's XML"),
     (lambda at: cdpr.import_robot(FILES / "crane_bodies.xml", cables="x"), cdpr.RobotFileError,

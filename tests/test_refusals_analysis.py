@@ -76,10 +76,7 @@ def compared(**changes):
 REFUSED = [
     (compensate(tension_limits=(-1, 1)), "found a smallest tension of -1 N"),
     (compensate(tension_limits=(0, np.nan)), "above the largest, nan N"),
-    (compensate(tension_limits=3), "expected \\(smallest, largest\\)"),
     (compensate(tension_limits=(0, [1, 2])), "expected \\(smallest, largest\\)"),
-    (compensate(arm=-1), "arm: found -1 m"),
-    (compensate(external_wrench=[1, 2]), "external_wrench: found an array of shape"),
     beside(cdpr.compensate, "pose", pose=POSE),
     beside(cdpr.compensate, "external_wrench", external_wrench=np.zeros(6)),
     pytest.param(  # one cable cannot carry 20 N with 50 N, wherever the platform goes
@@ -96,10 +93,7 @@ REFUSED = [
     (sweep(materials=["fishing-0.4mm"] * 2), "none twice"),
     (sweep(materials="fishing-0.4mm"), "expected a list"),
     (sweep(materials={"rubber": -1.0}), "more than 0"),
-    (sweep(quantities=["tild"]), "did you mean tilt"),
     (sweep(tension_limits=(2, 1)), "tau_min <= tau_max"),
-    (sweep(orientation=(0, 0)), "orientation"),
-    (sweep(external_wrench=[1.0]), "external_wrench"),
     (sweep(chunk=0), "chunk"),
     (lambda: cdpr.sweep("cogiro", poses=[POSE], store="new.nc"), "poses: found them with a store"),
     (lambda: cdpr.sweep("cogiro", (2, 2, 2), poses=[POSE]), "poses: found them besides a grid"),
@@ -134,18 +128,16 @@ REFUSED = [
         closed_form(exits=robot("two-cable").exits[::-1], anchors=robot("two-cable").anchors[::-1]),
         "expected a planar bar on two cables",
     ),
-    (closed_form(pulley_radius=0.01), "found a pulley in cable 1"),
-    (certify_all(linear_density=0.01), "kg/m"),
+    (closed_form(pulley_radius=0.01), "found pulley_radius in cable 1"),
+    (certify_all(linear_density=0.01), "found linear_density in cable 1"),
     (certify_all(gravity=0), "no load"),
     beside(cdpr.certify_all, "rest_lengths", rest_lengths=[0.5] * 4),
     beside(cdpr.certify_all, "external_wrench", external_wrench=np.zeros(6)),
     (layout(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
-    (layout(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     (layout(), "within: found none for exits"),
     (layout(within=0.0), "within: found no point that can move"),
     (layout(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     (layout(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
-    (layout(move="exit", within=0.1), r"unknown move 'exit': did you mean exits\?"),
     (layout(move="diameter", within=0.5), "within: found a factor of 0.5"),
     (lambda: layout(move=cdpr.Move("exits", 0.1, cables=(9,)))(), "cables: found cable 9, expected 1 to 8"),
     (layout(within=0.1, stiffness=0), "stiffness: found 0"),
@@ -168,14 +160,12 @@ REFUSED = [
         (ask, "found|do not fit one another")
         for ask in (
             lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=TURNED),
-            lambda: cdpr.feasible(robot("cogiro"), POSES, rotations=np.eye(2)),
             lambda: feasible_by_linprog(robot("cogiro"), [1, 2]),
             lambda: unchecked(cdpr.find_equilibria)(robot("cogiro"), POSES[0], starts=2.5),
             lambda: cdpr.find_equilibria(robot("cogiro"), POSES[0], seed=-1),
             lambda: unchecked(cdpr.drive)(robot("cogiro"), POSES, states=2.5),
             lambda: unchecked(cdpr.drive)(robot("cogiro"), 3),
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=0),
-            lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=np.nan),
             lambda: cdpr.grow_gravity(robot("cogiro"), POSES[0], seconds=1e300),
             lambda: cdpr.release(cdpr.solve(robot("cogiro"), POSES[0]), seconds=1e300),
             lambda: cdpr.clearances(robot("cogiro"), POSES).free(np.nan),
@@ -204,7 +194,7 @@ def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypa
     file.write_text(as_toml(robot("two-cable").replace(linear_density=5e-4)))
     told = CliRunner().invoke(app, ["equilibria", str(file), "--certify"])
     assert told.exit_code == 2
-    assert "found cables of" in told.stderr
+    assert "found linear_density in cable 1" in told.stderr
 
 
 @pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])

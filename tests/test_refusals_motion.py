@@ -154,12 +154,8 @@ BAD_COMMANDS = [
 """Of controllers: a call that gets an empty folder, and words of its sentence, in which … is anything."""
 
 NUMBERS = [
-    (track, "rate seconds pause winch_speed damping cable_damping", (np.nan, -1)),
-    (drive, "seconds", (np.nan, 0)),
-    (cdpr.Sensors, "period delay position_noise rotation_noise tension_noise seed", (np.nan, -1)),
     (task, "rate seconds winch_speed damping cable_damping", (np.nan, -1)),
     (Domain, "axial_stiffness mass exits friction", (np.nan, -0.1, np.inf)),
-    (identify, "position_error rotation_error", (np.nan, -1)),
     (model_of, "damping", ("some", 2.0, np.nan, True)),
     (lambda **given: model_of(winches=True, **given), "winch_force", (0.0, -3.0, np.nan, [1.0, 2.0], "strong")),
     (model_of, "winches", ("length", 1, None)),
@@ -198,7 +194,7 @@ INVALID = [
     # Tasks.
     (lambda _: task(control=(9,)), "control: found 9"),
     (lambda _: task(domain={"mass": 1.5}), "mass: found 1.5"),
-    (lambda _: task(robot=STEEL), "found cables of 0.0005 kg/m"),
+    (lambda _: task(robot=STEEL), "found linear_density in cable 1"),
     (lambda _: task(robot=NONLINEAR), "found cable 1 with nonlinear elasticity"),
     (lambda _: task(seconds=0.1).unwrapped.step(np.zeros(8)), "step: found no episode, expected reset"),
     (lambda _: begun().unwrapped.step(np.full(8, np.nan)), "action: found a number that is not finite"),
@@ -213,12 +209,8 @@ INVALID = [
     (lambda _: model_of(NONLINEAR, damping=0.02), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, 0 * OFF), "found 0 m for cable 1, expected 0.… to 1.… m"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, np.r_[OFF[1:] / 2, 9]), "found 9 m for cable 8, expected … m"),
-    (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, OFF * np.nan), "rest_lengths: found nan"),
-    (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, OFF[:7]), "found an array of shape (7,), expected (..., 8)"),
-    (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, "long"), "rest_lengths: found 'long'"),
     (lambda _: reset((0.3, 0.1, 0.2)), "pose: found y = 0.1 m, but the robot is planar"),
     (lambda _: reset((0.3, 0, 0.2, 0.1, 0, 0)), "pose: found a rotation about x or z"),
-    (lambda _: reset((np.nan, 0, 0)), "pose: found"),
     (lambda _: reset((30, 0, 0.2)), "rest_lengths: found … m for cable 1, expected … m, which its winch can let out"),
     (lambda _: reset((0.3, 0, 0.2), rest_lengths=OFF[:4], pretension=3), "pretension: found one besides rest_lengths"),
     (lambda _: reset((0.9, 0, 0.2), pretension=0), "pretension: found no tensions near 0 N"),
@@ -241,8 +233,6 @@ INVALID = [
     (lambda _: with_memory(stiffening=(-2, 0)), "as the law's slope falls to 0.2 EA: the tension could fall"),
     (lambda _: path(PLACE), "found a single pose, expected a path"),
     (lambda _: path(times=[0, 1, 2, 1, 3]), "times: found 1 s at step 4, after 2 s"),
-    (lambda _: path(times=[0, 1]), "times: found an array of shape"),
-    (lambda _: path(steps=0), "steps: found 0"),
     (lambda _: path(memory=cdpr.solve_path(TWO, [TWO.home]).memory), "memory: found …'cogiro'"),
     # Measurements.
     (lambda at: read(at, "measured_z [mm]", "measured_z"), "'measured_z': found no unit, expected one of m, cm, mm"),
@@ -304,7 +294,6 @@ INVALID = [
 ]  # fmt: skip
 
 UNKNOWN_NAMES = [
-    (lambda _: made(mobility="x" * 10_000), "unknown mobility 'xxx"),
     (lambda _: task(control="speed"), "unknown control 'speed'"),
     (lambda _: task(rewards={"tilt": 1.0}), "unknown term of the reward 'tilt'"),
     (lambda _: task(robot="crane-with-heavy-cables"), "unknown robot 'crane-with-heavy-cables'"),

@@ -48,8 +48,8 @@ REFUSED = [
     (lambda: Stage(AT_REST, largest_tension=2.0), UNSHAPED),
     (lambda: Stage(AT_REST, largest_tension=2, shapes=np.ones((1, 8, 3, 3))), "expected 2 states of 8 cables"),
     (lambda: cdpr.cable_profiles(AT_REST, points=1), "points: found 1"),
-    (lambda: closed_form(linear_density=0.01), "two-cable closed form: found .*0.01 kg/m"),
-    (lambda: closed_form(pulley_radius=0.01, pulley_axis=UP), "two-cable closed form: found a pulley in cable 1"),
+    (lambda: closed_form(linear_density=0.01), "two-cable closed form: found linear_density in cable 1"),
+    (lambda: closed_form(pulley_radius=0.01, pulley_axis=UP), "two-cable closed form: found pulley_radius in cable 1"),
     (lambda: film("v.avi"), r"found the suffix '.avi', expected .mp4 or .gif"),
     (lambda: film("v"), "found no suffix"),
     (lambda: film("there.mp4"), "exists, expected a new place or --force"),
@@ -63,7 +63,6 @@ REFUSED = [
     (lambda: film("v.mp4", size=(10**6, 480)), "size: found 1000000 x 480"),
     (lambda: film("v.mp4", exaggeration=0.0), "exaggeration: found 0"),
     (lambda: film("v.mp4", static=[]), "static: found 0 stacks"),
-    (lambda: film("v.mp4", renderer="opngl"), "did you mean opengl"),
 ]
 
 

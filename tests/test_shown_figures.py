@@ -34,7 +34,7 @@ import paper_figures
 import two_cable
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.crosscheck.check import OUTCOMES
-from cdpr_sim.drawing import lettering, maps, style
+from cdpr_sim.drawing import lettering, maps, still, style
 
 RELATIVE = 1e-5
 """Numbers are written with six digits, of which the last may differ with the machine."""
@@ -102,6 +102,35 @@ def series(ax: Axes) -> dict[str, Line2D]:
 def test_each_line_is_what_its_name_says(name, at, line, x, y):
     """In the unit of its axes: MuJoCo's numbers at MuJoCo's points, the solver's on the solver's lines."""
     np.testing.assert_allclose(series(figure(name).axes[at])[line].get_xydata(), np.transpose([x, y]), rtol=1e-9)
+
+
+def test_layouts_are_drawn_as_they_settled_in_the_worst_case(monkeypatch):
+    """Platforms stand where MuJoCo let them rest, under one camera, with their slack cables; the last one enlarged."""
+    shown = []
+    monkeypatch.setattr(still, "show", lambda _, stage, camera, *__: shown.append((stage, camera)))
+    drawn_figures.picture()
+    (before, one), (after, other), (enlarged, _) = shown
+    found, worst = drawn_figures.validation(), 1
+    assert enlarged is after
+    for stage, side in ((before, found.before), (after, found.after)):
+        np.testing.assert_allclose(stage.data.body("platform").xpos, side.settled.positions[worst], atol=1e-9)
+        assert stage.trajectory.slack.tolist() == [side.settled.slack[worst].tolist()]
+    assert before.trajectory.slack.any()
+    assert one is other
+
+
+def test_a_robot_that_settles_nowhere_has_words_in_place_of_a_picture(monkeypatch):
+    """As one whose poses lie above its exits, before these are moved up: MuJoCo has no pose of it at all."""
+    true = drawn_figures.validation()
+    rest = true.before.settled
+    none = {name: np.nan * getattr(rest, name) for name in ("positions", "rotations", "lengths", "tensions")}
+    nowhere = dataclasses.replace(rest, **none, status=np.full(3, int(cdpr.Status.FALLS)))
+    before = dataclasses.replace(true.before, settled=nowhere, each=np.full(3, np.nan), score=np.nan)
+    monkeypatch.setattr(drawn_figures, "validation", lambda *_: dataclasses.replace(true, before=before))
+    _, old, _, new, *_ = drawn_figures.picture().axes
+    assert [text.get_text() for text in old.texts] == ["no equilibrium"]
+    assert not old.images
+    assert new.images
 
 
 # What a reader sees

@@ -86,7 +86,7 @@ def faults_of(call: Callable, right: Mapping[str, object]) -> Iterator[str]:
         if parameter.kind is parameter.VAR_KEYWORD:
             continue
         names = name.rstrip("s"), ELSEWHERE.get(name, name), "unknown"
-        for what, value in wrong_values(str(parameter.annotation), parameter.default):
+        for what, value in wrong_values(name, str(parameter.annotation), parameter.default):
             try:
                 call(**{**right, name: value})
             except cdpr.CdprError as error:
@@ -101,7 +101,19 @@ def faults_of(call: Callable, right: Mapping[str, object]) -> Iterator[str]:
                 yield f"{name}: {what}: taken"
 
 
-def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object]]:
+MEANS_NOTHING = {"poses", "positions", "tensions", "swivels", "frequencies", "rotations"}
+"""Of which a row that is not a number has no answer, or was not measured: these are taken."""
+
+
+ANY = {"least", "stiffness", "time", "times"}
+"""Of which any number is taken, or any row of numbers."""
+
+
+ANY_TEXT = {"path", "store", "robot_file", "name", "material", "description", "source", "notes", "robot", "cables"}
+"""Names of files and of what users make themselves."""
+
+
+def wrong_values(name: str, annotation: str, default: object) -> Iterator[tuple[str, object]]:
     """Values that no parameter takes, and some that this one does not take, by its annotation."""
     yield "an object", object()
     yield "a complex number", 1j
@@ -116,12 +128,25 @@ def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object
     if "str" not in annotation and "Any" not in annotation:
         yield "text", "text"
         yield "a number as text", "3"
+    if ("str" in annotation or "Literal" in annotation) and name not in ANY_TEXT:
+        yield "an unknown name", "no such thing"
     if "None" not in annotation and default is not None:
         yield "None", None
     if "bool" not in annotation:
         yield "True", True
+    if "float" in annotation or "Array" in annotation:
+        yield "an array of three dimensions", np.ones((2, 5, 7))
+        yield "infinity", -np.inf
+        yield "not a number", np.nan
+        if name not in MEANS_NOTHING:
+            yield "rows that are not numbers", np.full((3, 3), np.nan)
+        if name not in ANY:
+            yield "eleven numbers", np.linspace(0.1, 0.9, 11)
+            yield "rows of eleven numbers", np.ones((5, 11))
     if "float" in annotation or "int" in annotation:
         yield "a number of 400 digits", 10**400
+        if name not in ANY:
+            yield "minus a million", -1e6
 
 
 def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]]]:

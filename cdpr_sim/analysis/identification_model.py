@@ -328,7 +328,7 @@ class IdentificationModel:
         if data.tensions is not None:
             parts.append(self._of["force_gains"] * solved.tensions + self._of["force_offsets"])
         if data.swivels is not None:
-            self.now.cabling.refuse_compliance("swivels")
+            self.now.cabling.refuse_unknown("swivel angles", "swivels")
             angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
             parts.append(angles + self._of["swivel_zeros"])
         if data.frequencies is not None:

@@ -28,6 +28,7 @@ from cdpr_sim.core.property import (
     Property,
     Step,
     above_0,
+    but,
     declarations,
     declared,
     from_0,
@@ -81,6 +82,9 @@ STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
 beyond."""
 
+
+KEPT: tuple[Method, ...] = ("statics", "simulation", "cable damping", "closed form")
+"""Methods that take a memory into account, or most of it (``Cabling.refuse_memory``)."""
 
 LEAST_STRAIN = 1e-5
 """Strain for the scale of steps of the density where there is less."""
@@ -173,7 +177,8 @@ class Cables:
     )
     linear_density: Float[np.ndarray, " cables"] = declared(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
-        "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)), known_to=EVERY,
+        "kg/m", 0.0, checks=(from_0, within(0, MOST_DENSITY)),
+        known_to=but("proof of completeness", "learning", "closed form"),
         label="mass per length of cable {cable}", step=Step(_step_of_density, least=True),
         example=("0.002", 'kg/m, or "material"; default: massless cables'),
         said=("{} g/m", lambda cabling: 1e3 * cabling.linear_density),
@@ -187,7 +192,7 @@ class Cables:
     )
     pulley_radius: Float[np.ndarray, " cables"] = declared(
         "Radius of the wheel; 0 is a point.",
-        "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=EVERY,
+        "m", 0.0, key="pulley.radius", checks=(from_0, near, _point_or_wheel), known_to=but("closed form"),
         step=Step(lambda robot, strain, length: robot.pulley_radius, path=True),
         example=("0.02", "m"), said=("over pulleys of {} mm radius", lambda cabling: 1e3 * cabling.pulley_radius),
     )
@@ -212,7 +217,7 @@ class Cables:
     )
     winch_to_exit: Float[np.ndarray, " cables"] = declared(
         "Length of rope between the winch and the exit; it stretches with the cable.",
-        "m", 0.0, checks=(from_0, near), known_to=EVERY, step=Step(lambda robot, strain, length: length),
+        "m", 0.0, checks=(from_0, near), known_to=but("closed form"), step=Step(lambda robot, strain, length: length),
         example=("6", "m of rope between winch and exit, which also stretches"),
         said=("{} m from winch to exit", lambda cabling: cabling.winch_to_exit),
     )
@@ -233,25 +238,26 @@ class Cables:
     )
     reeving: Int[np.ndarray, " cables"] = declared(
         "Parts of line between exit and platform, a whole number.",
-        "", 1, checks=(_whole_parts,), known_to=EVERY, example=("2", "parts of line between exit and platform"),
+        "", 1, checks=(_whole_parts,), known_to=but("closed form"),
+        example=("2", "parts of line between exit and platform"),
         said=("{} parts of line", lambda cabling: cabling.reeving.astype(float)),
     )
     pulley_friction: Float[np.ndarray, " cables"] = declared(
         "Fraction c of the tension that is lost at the exit.",
-        "", 0.0, checks=(within(0, MOST_FRICTION),), memory=True, known_to=("statics", "simulation"),
+        "", 0.0, checks=(within(0, MOST_FRICTION),), memory=True, known_to=KEPT,
         example=("0.02", "fraction of the tension that is lost at the exit"),
         said=("{} % friction at the exit", lambda cabling: 100 * cabling.pulley_friction),
     )
     hysteresis: Float[np.ndarray, "cables elements 3"] = declared(
         "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
         "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
-        "", (), none=NO_ELEMENT, checks=(_yielding,), memory=True, known_to=("statics", "simulation"),
+        "", (), none=NO_ELEMENT, checks=(_yielding,), memory=True, known_to=KEPT,
         example=("[[0.1, 1e-3]]", "[fraction of EA, yield strain] of each element"),
         said=("{} % of EA with hysteresis", lambda cabling: 100 * cabling.hysteresis[..., 0].sum(-1)),
     )
     creep: Float[np.ndarray, "cables terms 2"] = declared(
         "Terms [EA1, tau1]: the tension T makes the cable longer by the strain T/EA1 (1 - exp(-t/tau1)).",
-        "N, s", (), none=NO_TERM, checks=(_in_finite_time,), memory=True, known_to=("statics", "simulation"),
+        "N, s", (), none=NO_TERM, checks=(_in_finite_time,), memory=True, known_to=KEPT,
         example=("[[400e3, 600]]", "[EA1 in N, time in s] of each term"),
         said=(
             "{} % of the stretch as creep",
@@ -326,19 +332,6 @@ class Cabling(Cables, Frozen):
         """Whether no exit gives way."""
         return not self.moving_exits.any()
 
-    def refuse_compliance(self, what: str) -> None:
-        """Refuse exits that give way, where that is not taken into account.
-
-        Raises:
-            InvalidInput: some cable has one.
-        """
-        if not self.rigid_exits:
-            cable = int(np.argmax(self.moving_exits))
-            raise InvalidInput(
-                f"{what}: found exit_compliance in cable {cable + 1}, expected exits that do not move: the frame's "
-                "compliance is not taken into account here; it is in solve, settle, solve_path, settle_path and sweep"
-            )
-
     @cached_property
     def pulleys(self) -> Bool[np.ndarray, " cables"]:
         """Which cables run over a pulley, (cables,)."""
@@ -353,11 +346,6 @@ class Cabling(Cables, Frozen):
     def linear(self) -> bool:
         """Whether every cable's tension is proportional to its strain."""
         return not self.nonlinear.any()
-
-    @cached_property
-    def bent(self) -> bool:
-        """Whether some cable runs over a pulley or has a nonlinear law: compiled code has a type for them."""
-        return bool(self.pulleys.any()) or not self.linear
 
     @cached_property
     def has_memory(self) -> Bool[np.ndarray, " cables"]:
@@ -421,16 +409,6 @@ class Cabling(Cables, Frozen):
         return pulls / self.reeving
 
     @cached_property
-    def reeved(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables have rope behind their exit or several parts of line, (cables,)."""
-        return self.has("winch_to_exit") | self.has("reeving")
-
-    @cached_property
-    def direct(self) -> bool:
-        """Whether every cable is wound at its exit and has one part of line."""
-        return not self.reeved.any()
-
-    @cached_property
     def behind(self) -> Float[np.ndarray, " cables"]:
         """Length of rope behind each exit for each part of line, (cables,) [m].
 
@@ -473,18 +451,6 @@ class Cabling(Cables, Frozen):
             if least:
                 where, expected = f" in cable {cable + 1}", f"its rigid_length, {least:g} m"
             raise InvalidInput(f"{field}: found {rest_lengths[cable]:g} m{where}, expected more than {expected}")
-
-    def refuse_weight(self, what: str) -> None:
-        """Refuse cables with mass, where mass is not taken into account.
-
-        Raises:
-            InvalidInput: some cable has mass.
-        """
-        if not self.massless:
-            raise InvalidInput(
-                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: their mass "
-                "is not taken into account here"
-            )
 
     def beyond_law(
         self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]

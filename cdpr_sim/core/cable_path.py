@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.compiling import for_kernels, inline
@@ -135,12 +135,23 @@ def wheel_paths(
 
     It has none either where its rigid end would lie on the wheel.
     """
-    over = cabling.pulleys
+    *found, clear = _over_wheels(cabling, np.stack([x, y, z]))
+    return np.where(_bends(cabling, found[4], clear), np.array(found), np.nan)
+
+
+def _bends(
+    cabling: Cabling, free: Float[np.ndarray, "*batch pulleys"], clear: Float[np.ndarray, "*batch pulleys"]
+) -> Bool[np.ndarray, "*batch pulleys"]:
+    """Which cables lie on their wheels, with their rigid ends in the free piece."""
+    return (clear >= 0) & (free > cabling.rigid_length[cabling.pulleys])
+
+
+def _over_wheels(cabling: Cabling, chords: Float[np.ndarray, "3 *batch pulleys"]) -> tuple[np.ndarray, ...]:
+    """Results of ``pulley_path`` for each cable over a pulley."""
+    over, (x, y, z) = cabling.pulleys, chords
     ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
-        bends = (clear >= 0) & (found[4] > cabling.rigid_length[over])
-    return np.where(bends, np.array(found), np.nan)
+        return pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
 
 
 def wrapped_lengths(
@@ -149,6 +160,9 @@ def wrapped_lengths(
     """What lies on each cable's wheel [m], by where its exit is from its anchor; 0 where it has no path."""
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, chords)[9])
 
+
+PIECE = 500
+"""Poses at which paths over wheels are computed at once: then intermediate results stay in the processor's cache."""
 
 MOVES = 30
 """Newton steps for the moves of exits; three or four do."""
@@ -293,7 +307,11 @@ def lengths(
     np.subtract(exits.swapaxes(-1, -2), chords, out=chords)
     coordinates = chords[..., 0, :], chords[..., 1, :], chords[..., 2, :]
     found = path(*coordinates)[0]
-    if cabling.bent and cabling.pulleys.any():
-        over = cabling.pulleys
-        found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in coordinates))[0]
+    over = cabling.pulleys
+    if over.any():
+        rows = np.array(coordinates)[..., over].reshape(3, -1, over.sum())
+        for first in range(0, rows.shape[1], PIECE):
+            length, _, _, _, free, *_, clear = _over_wheels(cabling, rows[:, first : first + PIECE])
+            rows[0, first : first + PIECE] = np.where(_bends(cabling, free, clear), length, np.nan)
+        found[..., over] = rows[0].reshape(*found.shape[:-1], -1)
     return found

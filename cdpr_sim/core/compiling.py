@@ -5,10 +5,9 @@ load compiled code. So a ``Kernel`` is interpreted for its first few elements, a
 answers are the same to the last bit. With ``INTERPRETED``, nothing is compiled.
 
 Only Numba's public functions are used: ``njit(cache=True)``, ``numba.extending`` and ``numba.config``, whose CACHE_DIR
-is what the environment variable NUMBA_CACHE_DIR sets. One function, ``lent``, needs to know how Numba stores an array.
-Numba's key of cached code is the text of one file, but kernels consist of several; so each version of the package's
-sources has its own folder (``place``). Code that cannot be loaded, say from a truncated file, is removed and compiled
-anew; where none can be kept, each process compiles.
+is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code is the text of one file, but kernels
+consist of several; so each version of the package's sources has its own folder (``place``). Code that cannot be loaded,
+say from a truncated file, is removed and compiled anew; where none can be kept, each process compiles.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ import sys
 import tempfile
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -109,39 +109,34 @@ outlined = for_kernels(forceinline=False)
 """The same for longer functions, which are compiled once and not into each of their callers."""
 
 
-def lent(arrays):
-    """The same arrays, in tuples or alone, for kernels, which do not count who uses them: their caller owns them.
+def lent(array):
+    """The same array for kernels, which do not count who uses it: their caller owns it. Its numbers are contiguous.
 
     Numba counts the users of each array by an atomic instruction at each call that gets it and at each assignment; in
     functions that compute for a few nanoseconds, that takes two thirds of the time. An array that a kernel makes itself
     must not be lent, since Numba frees it after its last counted use.
     """
-    return arrays
+    return array
 
 
 def _compile_lent() -> None:
+    import numba
     from numba import extending
-    from numba import types as all_types
 
-    numbas: Any = extending
-    types: Any = all_types
+    public: Any = vars(numba) | vars(extending)
+    carray, voidptr = public["carray"], public["types"].voidptr
 
-    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = array.meminfo.type(None)
-            return array._getvalue()
-        if isinstance(kind, types.BaseTuple):
-            for i, one in enumerate(kind.types):
-                part = uncounted(context, builder, one, builder.extract_value(value, i))
-                value = builder.insert_value(value, part, i)
-        return value
+    @public["intrinsic"]
+    def pointer(_, address):  # the example of Numba's manual
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
-    @numbas.intrinsic
-    def lend(_, arrays):
-        return arrays(arrays), lambda context, builder, _, values: uncounted(context, builder, arrays, values[0])
+        return voidptr(address), code
 
-    numbas.overload(lent, strict=False)(lambda arrays: lambda arrays: lend(arrays))
+    def at_its_address(array: Any) -> Callable:
+        return lambda array: carray(pointer(array.ctypes.data), array.shape, array.dtype)
+
+    public["overload"](lent, strict=False)(at_its_address)
 
 
 _called_by_kernels.append(_compile_lent)
@@ -223,12 +218,13 @@ class Compiled:
         config: Any = vars(numba)["config"]
         if config.DISABLE_JIT:
             return self._function
-        theirs = config.CACHE_DIR
+        ours = {"CACHE_DIR": str(kept or ""), "CACHE_LOCATOR_CLASSES": ""}
+        theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
         try:
-            config.CACHE_DIR = str(kept or "")
+            vars(config).update(ours)
             code: Any = numba.njit(cache=kept is not None, **self._options)(self._function)
         finally:
-            config.CACHE_DIR = theirs
+            vars(config).update(theirs)
         late = "cdpr_sim still loads its %s, or compiles it anew: up to a minute"
         later = threading.Timer(LOADING, _log.warning, (late, self._what))
         if kept and any(kept.glob("*/*.nbc")):
@@ -251,7 +247,7 @@ class Kernel(Compiled):
     """A function of many elements at once, which broadcasts and releases Python's lock.
 
     Its Python function gets all inputs, each with two axes of elements (rows, columns), a scratch array, and the
-    results, which have these axes, too, and which it fills in.
+    results, which have these axes, too, and which it fills in. The numbers of one element are contiguous.
 
     Attributes:
         axes: number of axes that each input has for one element.
@@ -290,6 +286,8 @@ class Kernel(Compiled):
         for value, (kind, dims, same) in zip(inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
             before = array.ndim - len(dims)
+            if dims and array.strides[before:] != _contiguous(array.shape[before:]):
+                array = np.ascontiguousarray(array)
             sizes |= zip(dims, array.shape[before:], strict=True)
             arrays.append(array)
             if before and not same:
@@ -317,6 +315,12 @@ class Kernel(Compiled):
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]
+
+
+@functools.cache
+def _contiguous(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Strides of an array of contiguous numbers of this shape."""
+    return np.empty(shape).strides
 
 
 def scratch() -> np.ndarray:
@@ -407,7 +411,15 @@ def import_numba() -> None:
     try:
         if shielded:
             sys.modules["coverage"] = None  # type: ignore[assignment]
+        if "numba" not in sys.modules:  # it warns of values that it ignores by the text of a traceback
+            warnings.filterwarnings("ignore", "Environment variable 'NUMBA_", RuntimeWarning)
         import numba  # noqa: F401
+    except Exception as error:
+        given = ", ".join(f"{name}={os.environ[name]}" for name in os.environ if name.startswith("NUMBA_")) or "none"
+        raise CdprError(
+            f"compiled code: Numba cannot be imported: {error}; expected that `import numba` works, also with the "
+            f"environment variables of Numba that are set: {given}"
+        ) from error
     finally:
         if shielded:
             sys.modules.pop("coverage", None)

@@ -46,8 +46,12 @@ class Reference:
 
         Returns:
             (times,) between 0 and 1.
+
+        Raises:
+            InvalidInput: times that are neither a number nor a row of finite numbers.
         """
-        return np.clip((np.atleast_1d(checked_array("times", times, None)) - self.pause) / self.seconds, 0, 1)
+        row = checked_array("times", np.atleast_1d(checked_array("times", times, None)), (None,))
+        return np.clip((row - self.pause) / self.seconds, 0, 1)
 
     def poses(self, times: ArrayLike) -> RigidTransform:
         """Reference poses at these ``times`` [s], a stack.

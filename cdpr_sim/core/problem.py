@@ -97,15 +97,14 @@ class Problem(Posed, HtmlRepr):
             rest = robot.rest_lengths(at)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
-            robot.cabling.refuse_short("rest_lengths", rest)
         shortest, field = float(_shortest(robot, at.position)), "pose" if rest_lengths is None else "rest_lengths"
+        robot.cabling.refuse_short(field, rest)
         if not rest.min() > shortest:
             raise InvalidInput(
                 f"{field}: found a rest length of {rest.min():.1e} m in "
                 f"cable {int(rest.argmin()) + 1}, expected more than {shortest:.1e} m, a billionth of the robot's "
                 "coordinates, whose rounding would strain it"
             )
-        robot.cabling.refuse_short(field, rest)
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
         if rest_lengths is None and _falls(
@@ -563,9 +562,9 @@ def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
     matrices = as_numbers("rotations", rotations)
     if matrices.shape[-2:] != (3, 3):
         raise InvalidInput(f"rotations: found an array of shape {matrices.shape}, expected (..., 3, 3)")
-    known = np.isfinite(matrices).all((-1, -2))
-    square = matrices @ matrices.swapaxes(-1, -2)
-    wrong = known & ((np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(matrices) < 0))
+    finite = np.where(np.isfinite(matrices).all((-1, -2), keepdims=True), matrices, np.eye(3))
+    square = finite @ finite.swapaxes(-1, -2)
+    wrong = (np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(finite) < 0)
     if wrong.any():
         raise InvalidInput(
             f"rotations: found a matrix that is no rotation{_place(wrong)}, expected orthogonal ones of determinant 1"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,9 +14,12 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.checks import as_numbers, checked_array, in_range, listed, refuse_far
 from cdpr_sim.core.errors import InvalidInput
 
-Method = Literal["statics", "simulation", "proof"]
+Method = Literal[
+    "statics", "simulation", "proof", "proof of completeness", "cable damping", "learning", "layout search",
+    "swivel angles", "closed form",
+]  # fmt: skip
 
-EVERY: tuple[Method, ...] = ("statics", "simulation", "proof")
+EVERY: tuple[Method, ...] = get_args(Method)
 """All methods."""
 
 MOST_ELEMENTS = 50
@@ -157,6 +160,11 @@ def declarations(cables: type) -> dict[str, Property]:
     return {
         one.name: dataclasses.replace(one.metadata["property"], name=one.name) for one in dataclasses.fields(cables)
     }
+
+
+def but(*methods: Method) -> tuple[Method, ...]:
+    """All methods but these."""
+    return tuple(one for one in EVERY if one not in methods)
 
 
 def above_0(one: Property, values: np.ndarray) -> np.ndarray:

@@ -107,7 +107,7 @@ class LayoutEvaluator:
         """
         refuse_unless(Robot, robot=robot)
         robot.cabling.refuse_memory()
-        robot.cabling.refuse_compliance("find_layout")
+        robot.cabling.refuse_unknown("layout search", "find_layout")
         refuse_unless(FLAG, progress=progress)
         checked_threads(threads)
         moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")

@@ -111,8 +111,7 @@ class Task:
     ) -> None:
         self.robot = robot = robot if isinstance(robot, Robot) else load_robot(robot)
         robot.cabling.refuse_memory()
-        robot.cabling.refuse_weight("cdpr_sim.learning")
-        robot.cabling.refuse_compliance("cdpr_sim.learning")
+        robot.cabling.refuse_unknown("learning", "cdpr_sim.learning")
         if not robot.cabling.linear:
             cable = int(np.argmax(robot.cabling.nonlinear)) + 1
             raise InvalidInput(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.core.cable import MOST_STRAIN, Cabling
 
@@ -79,6 +79,7 @@ class Law:
         parts: of line.
         far: length of rope between winch and exit [m].
         rigid: part of the rest length that is rigid, at the anchor [m].
+        held: whether friction holds the rope at the exit.
         linear: whether ``square`` and ``cube`` are 0 in all cables.
     """
 
@@ -88,6 +89,7 @@ class Law:
     parts: Int[np.ndarray, " cables"]
     far: Float[np.ndarray, " cables"]
     rigid: Float[np.ndarray, " cables"]
+    held: Bool[np.ndarray, " cables"]
     linear: bool
 
     @classmethod
@@ -96,7 +98,8 @@ class Law:
         stiffness = cabling.axial_stiffness if axial_stiffness is None else axial_stiffness
         square, cube = cabling.stiffening.T
         lengths = cabling.winch_to_exit, cabling.rigid_length
-        return cls(stiffness, square, cube, cabling.reeving, *lengths, cabling.linear)
+        held = cabling.has("pulley_friction")
+        return cls(stiffness, square, cube, cabling.reeving, *lengths, held, cabling.linear)
 
     def some(self, which: Any) -> Law:
         """The law of some cables, by an index of the last dimension."""
@@ -122,7 +125,7 @@ class Law:
         return self._over(self.parts * self.ropes(rest_lengths) + self.far)
 
     def sticking(self, rest_lengths: Float[np.ndarray, "*#batch cables"]) -> Springs:
-        """The same of ropes that friction holds at their exits."""
+        """The same where friction holds the ropes at their exits."""
         return self._over(self.parts * self.ropes(rest_lengths))
 
     def segments(self, lengths: Float[np.ndarray, "*batch cables segments"]) -> Springs:
@@ -172,7 +175,7 @@ def in_words(cabling: Cabling) -> tuple[str, str]:
     """The formula of the tension in a model's description; and what its winches add to lengths, "" for nothing."""
     parts, whole, said, added = "", "l0", [], ""
     rigid = bool(cabling.has("rigid_length").any())
-    if not cabling.direct:
+    if (cabling.has("winch_to_exit") | cabling.has("reeving")).any():
         parts, whole, said = "n ", "l0 + g/n", ["n parts of line and g from winch to exit"]
         added = "With a rope g from winch to exit and n parts of line, g/n is added to L and l0."
     if rigid:

@@ -116,6 +116,12 @@ def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) ->
     return cabling.with_mass & cabling.pulleys & (first < WRAP_MARGIN * cabling.pulley_radius)
 
 
+def ample(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """Rest lengths with which no chain is ``too_short`` [m]."""
+    cabling = robot.cabling
+    return cabling.least_lengths + robot.wrapped_lengths + (1.0 + SEGMENTS**2 * cabling.pulley_radius)
+
+
 def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
     """Refuse chains that are ``too_short``.
 

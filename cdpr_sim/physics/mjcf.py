@@ -131,7 +131,7 @@ def to_mjcf(
     robot.cabling.refuse_memory()
     chains.refuse_short(robot, problem.rest_lengths)
     if not settling:
-        robot.cabling.refuse_compliance("damping")
+        robot.cabling.refuse_unknown("cable damping", "damping")
     if kind:
         exits.refuse_wound(robot.cabling)
     refuse_undamped(robot, factor)

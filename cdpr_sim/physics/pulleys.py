@@ -64,6 +64,11 @@ def entries(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     return ENTRY * cabling.pulley_radius
 
 
+def circumferences(cabling: Cabling) -> Float[np.ndarray, " cables"]:
+    """Of the wheels [m]; 0 of a point."""
+    return 2 * np.pi * cabling.pulley_radius
+
+
 def add_defaults(defaults: ET.Element) -> None:
     """Classes of auxiliary elements: they are in a group that viewers hide."""
     hidden = add(defaults, "default", {"class": "guide"})

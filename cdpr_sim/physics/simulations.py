@@ -32,6 +32,7 @@ from cdpr_sim.physics.chains import (
     STRAIGHT,
     ChainDivision,
     Chains,
+    ample,
     cut,
     divisions,
     ends_of,
@@ -336,7 +337,7 @@ class Simulations:
         heavy = sorted(set(self.with_memory) & set(self.chains.cables))
         if heavy:
             pulls = self._along(self.all, [self.first[[cable]] for cable in heavy])
-            tensions[:, heavy] = pulls / self.robot.cabling.reeving[heavy]
+            tensions[:, heavy] = pulls / Law.of(self.robot.cabling).parts[heavy]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
     def memory_of(self, row: int) -> Memory | None:
@@ -817,9 +818,7 @@ Indices = tuple[mujoco.MjModel, Chains, pulleys.Swivels, Float[np.ndarray, "bodi
 def _generated(robot: Robot, sinks: bool) -> Indices:
     """``_prepared`` of the generated model: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    weighing = 1.0 + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
-    lengths = robot.cabling.least_lengths + robot.wrapped_lengths + weighing
-    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, lengths))
+    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, ample(robot)))
     if sinks:
         add_elements(spec, robot.cabling)
         spec.memory = ARENA

@@ -302,7 +302,7 @@ def _stiffest(robot: Robot, written: Problem, simulation: Simulations) -> tuple[
     """``damping.stiffest`` with the cables' stiffness near the first lengths; of nonlinear ones, at rest there."""
     cabling, rest = robot.cabling, written.rest_lengths
     law = Law.of(cabling)
-    springs = np.where(cabling.has("pulley_friction"), law.sticking(rest).stiffness, law.springs(rest).stiffness)
+    springs = np.where(law.held, law.sticking(rest).stiffness, law.springs(rest).stiffness)
     if not cabling.linear:
         simulation.residuals(simulation.all)
         first = simulation.first

@@ -47,7 +47,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import FLAG, as_numbers
+from cdpr_sim.core.checks import FLAG, as_numbers, shown
 from cdpr_sim.core.controller import Command
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
@@ -111,7 +111,7 @@ def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> 
     ends = robot.exits - robot.anchors  # the origin of a level platform for which a length is zero
     nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
-    longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
+    longest = (1 + SPARE) * (furthest + pulleys.circumferences(robot.cabling))
     shortest = np.maximum((1 - SPARE) * nearest, robot.cabling.least_lengths + SHORTEST * longest)
     if written is None:
         return np.array([shortest, longest])
@@ -161,7 +161,7 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
         forces = as_numbers("winch_force", winch_force, "one number or one per cable")
         if forces.shape not in {(), (robot.cables,)} or not (forces > 0).all():
             raise InvalidInput(
-                f"winch_force: found {winch_force!r}, expected one positive number or one for each of the "
+                f"winch_force: found {shown(winch_force)}, expected one positive number or one for each of the "
                 f"{robot.cables} cables [N]"
             )
         forces = np.broadcast_to(forces, (robot.cables,)).copy()
@@ -296,7 +296,8 @@ def _add_cable(
     force: float,
 ) -> ET.Element:
     """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
-    stiffness = Law.of(robot.cabling).strained.stiffness[cable]
+    law = Law.of(robot.cabling)
+    stiffness = law.strained.stiffness[cable]
     return add(
         actuators,
         "general",
@@ -305,7 +306,7 @@ def _add_cable(
         gainprm=gain * np.array([-slope * offset, -slope, 0]),
         biastype="affine",
         biasprm=[-stiffness - slope * offset, -slope, -damping * slope],
-        forcerange=[0, robot.cabling.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness],
+        forcerange=[0, law.parts[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness],
     )
 
 

@@ -258,7 +258,7 @@ def refuse_unsearchable(problem: Problem) -> None:
     extras.require("proof", "certify_all")
     problem.robot.cabling.refuse_memory()
     problem.robot.cabling.refuse_unknown("proof")
-    problem.robot.cabling.refuse_weight("certify_all")
+    problem.robot.cabling.refuse_unknown("proof of completeness", "certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput(
             "certify_all: found no load, expected weight or force: without load, any pose on slack "

@@ -161,14 +161,18 @@ def picture(validation: LayoutValidation) -> Figure:
     least = min(0.0, float(values.min()))
     before, after = (found.objective.shown(side.score, DIGITS) for side in sides)
     title = f"{found.given.name}: {found.objective.name} {before} → {after}"
-    highest = nice_above(max(float(np.nanmax(side.settled.tensions[worst])) for side in sides))
+    highest = nice_above(float(np.nan_to_num([side.settled.tensions[worst] for side in sides]).max()))
     stages = [_stage(side, worst, highest) for side in sides]
     figure = canvas(style.WIDTH, 8.0, title, _caption(validation, goal, at, highest))
     on_platform = [one for one in moved if one[-1]]
     handles = [
         *(key(f"{name} moved, from its previous position", **_MOVED, **looks) for name, looks, *_ in moved),
         *(key(f"{name} changed", ls="none") for name in _changed(*robots)),
-        *([_SLACK] if any(side.settled.slack[worst].any() for side in sides) else []),
+        *(
+            [key("slack cable", color=style.SLACK_COLOR)]
+            if any(one.settled.slack[worst].any() for one in sides)
+            else []
+        ),
         key("pose of the optimisation", **_POSE),
         key("pose drawn above", **_DRAWN),
     ]
@@ -179,10 +183,10 @@ def picture(validation: LayoutValidation) -> Figure:
     body = legend_above(figure, handles, 3, share=0.08)
     grid = body.subgridspec(3, 2 + bool(on_platform), hspace=0.06, **ratios)
     image, panels = None, []
-    camera = stages[0].whole(WHOLE[0] / WHOLE[1], found.robot)
+    camera = next((stage.whole(WHOLE[0] / WHOLE[1], *robots) for stage in stages if stage), None)
     for column, (stage, one, name) in enumerate(zip(stages, maps, ("before", "after"), strict=True)):
         space = _draw_robot(figure.add_subplot(grid[0, column]), stage, camera, WHOLE, name)
-        if column:
+        if column and camera:
             _draw_moves(space, camera, [each for each in moved if not each[-1]])
         panel = figure.add_subplot(grid[1, column])
         panels.append(panel)
@@ -199,9 +203,11 @@ def picture(validation: LayoutValidation) -> Figure:
     label = f"{goal.quantity} [{goal.unit}]" if goal.unit else goal.quantity
     figure.colorbar(image, ax=panels, label=label, shrink=0.9, pad=0.015)
     if on_platform:
-        camera = still.enlarge(stages[1])
-        space = _draw_robot(figure.add_subplot(grid[0, 2]), stages[1], camera, CLOSE_UP, "platform, enlarged")
-        _draw_moves(space, camera, on_platform, stages[1].trajectory.poses[0])
+        stage = stages[1]
+        camera = still.enlarge(stage) if stage else None
+        space = _draw_robot(figure.add_subplot(grid[0, 2]), stage, camera, CLOSE_UP, "platform, enlarged")
+        if stage and camera:
+            _draw_moves(space, camera, on_platform, stage.trajectory.poses[0])
     _write_numbers(figure.add_subplot(grid[2, :]), rows)
     return figure
 
@@ -209,12 +215,16 @@ def picture(validation: LayoutValidation) -> Figure:
 _POSE = {"ls": "none", "marker": "o", "ms": 4.5, "color": style.SKY, "mec": "white", "mew": 0.5, "clip_on": False}
 _DRAWN = {"ls": "none", "marker": "s", "ms": 6, "mfc": "none", "mec": style.GREEN, "mew": 1.5, "clip_on": False}
 _MOVED = {"lw": 1.6, "ms": 4, "mfc": "white"}
-_SLACK = key("slack cable", color=style.SLACK_COLOR)
 
 
-def _stage(side: ValidatedRobot, case: int, highest: float) -> Stage:
-    """The robot as it has settled in this case, in the scene of videos; cables are darkest at the highest tension."""
+def _stage(side: ValidatedRobot, case: int, highest: float) -> Stage | None:
+    """The robot as it has settled in this case, in the scene of videos; None where MuJoCo has no pose.
+
+    Cables are darkest at the highest tension.
+    """
     settled, rows, shapes = side.settled, np.array([case]), shapes_of(side.settled)
+    if not np.isfinite(settled.positions[case]).all():
+        return None
     poses, lengths, tensions = settled.poses[rows], settled.lengths[rows], settled.tensions[rows]
     state = Trajectory.of(settled.problems.take(rows), np.zeros(1), poses, lengths, tensions)
     stage = Stage(state, largest_tension=highest, shapes=None if shapes is None else shapes[rows])
@@ -222,8 +232,14 @@ def _stage(side: ValidatedRobot, case: int, highest: float) -> Stage:
     return stage
 
 
-def _draw_robot(ax: Axes, stage: Stage, camera: mujoco.MjvCamera, size: tuple[int, int], title: str) -> Axes:
-    still.show(still.of_pixels(ax, *size), stage, camera, "antialiased")
+def _draw_robot(
+    ax: Axes, stage: Stage | None, camera: mujoco.MjvCamera | None, size: tuple[int, int], title: str
+) -> Axes:
+    still.of_pixels(ax, *size)
+    if stage is None:
+        ax.text(size[0] / 2, size[1] / 2, "no equilibrium", ha="center", color=style.MUTED)
+    else:
+        still.show(ax, stage, camera, "antialiased")
     ax.set_aspect("equal")
     ax.set_title(title, fontweight="bold")
     return ax

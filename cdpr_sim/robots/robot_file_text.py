@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import DOWN
-from cdpr_sim.core.materials import Material, is_material, load_material
+from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.materials import OF_MATERIAL, Material, is_material, load_material
 from cdpr_sim.core.property import Property
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.robots.catalogue import OF_ALL
+from cdpr_sim.robots.catalogue import OF_ALL, OF_WHEEL
 
 
 def as_toml(robot: Robot) -> str:
@@ -42,7 +42,8 @@ def _lines(robot: Robot) -> Iterator[str]:
         "axial_stiffness": ["" if one else _numbers(own) for one, own in zip(made, robot.axial_stiffness, strict=True)],
     }
     texts |= {one.name: _texts(one, getattr(cabling, one.name)) for one in OF_ALL if cabling.has(one.name).any()}
-    for name, text in (("linear_density", '"material"'), ("breaking_load", "")):
+    for name in OF_MATERIAL[1:]:
+        text = "" if PROPERTIES[name].limit else '"material"'
         names = robot.from_material.get(name, (None,) * robot.cables)
         for cable, one in enumerate(made):
             if (
@@ -76,8 +77,12 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"anchor = {_numbers(cabling.anchors[cable])}"
         yield from named  # a cable's name belongs to its material
         yield from (f"{name} = {each[cable]}" for name, each in own.items() if each[cable])
-        if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
-            yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
+        wheel = {one.name: getattr(cabling, one.name)[cable : cable + 1] for one in OF_WHEEL}
+        own_of_wheel = [one.name for one in OF_WHEEL if one.in_effect(wheel[one.name])[0]]
+        if own_of_wheel:  # a file says of each wheel how large it is
+            keys = [one for one in OF_WHEEL if one.name in own_of_wheel or not one.only_with]
+            texts_of_wheel = (f"{one.place[1]} = {_numbers(wheel[one.name][0])}" for one in keys)
+            yield f"pulley = {{ {', '.join(texts_of_wheel)} }}"
 
 
 def _materials(robot: Robot) -> list[Material | None]:
@@ -103,11 +108,6 @@ def _texts(one: Property, values: np.ndarray) -> list[str]:
         return [_numbers(numbers) if np.isfinite(numbers).all() else "" for numbers in values]
     in_effect = [rows[(rows != one.none).any(-1)] for rows in values]
     return [_numbers(rows) if len(rows) else "" for rows in in_effect]
-
-
-def _pulley(radius: float, axis: np.ndarray) -> str:
-    arrives = "" if tuple(axis) == DOWN else f", axis = {_numbers(axis)}"
-    return f"{{ radius = {_numbers(radius)}{arrives} }}"
 
 
 def _numbers(values: ArrayLike) -> str:

@@ -114,8 +114,8 @@ def by_parameter(
             torque = torque - cross_matrix(state.pulls) @ rotation[..., None, :, :]
         both = np.swapaxes(np.concatenate([by, torque], axis=-2), -3, -2)
         along = (state.pull_directions[..., None, :] @ by)[..., 0, :]
-        if name == "linear_density":  # which pulls in a slack massless cable as well
-            along = np.where((state.tensions > 0)[..., None], along, np.linalg.norm(by, axis=-2))
+        # A weight pulls in a slack massless cable as well, and nothing else does.
+        along = np.where((state.tensions > 0)[..., None], along, np.linalg.norm(by, axis=-2))
         along = robot.cabling.tensions(along.swapaxes(-1, -2)).swapaxes(-1, -2)
         each = np.eye(robot.cables)[..., None] * along[..., :, None, :]
         found[name] = both.reshape(*both.shape[:-2], -1), each.reshape(*shape, -1)

@@ -159,15 +159,15 @@ def solve_all(
     for i in range(rows):
         for j in range(columns):
             if i + j == 0 or not one_robot:
-                kind = ck.load_table(d, table[i, j])
+                kind = ck.load_table(d, lent(table[i, j]))
             ck.load_lengths(d, rest_lengths[i, j])
             copy_pose(start_position[i, j], start_rotation[i, j], position[i, j], rotation[i, j])
             iterations[i, j] = 0
             for stage in range(1 + heavy):
-                case = lent(Case(
-                    d, table[i, j], SAGGING if stage == 1 else kind, weight[i, j], center_of_mass[i, j], wrench[i, j],
-                    free, scale[i, j],
-                ))  # fmt: skip
+                case = Case(
+                    d, lent(table[i, j]), SAGGING if stage == 1 else kind, weight[i, j], lent(center_of_mass[i, j]),
+                    lent(wrench[i, j]), lent(free), scale[i, j],
+                )  # fmt: skip
                 copy_pose(position[i, j], rotation[i, j], here.p, here.R)
                 V = measure(case, here)
                 scales = scales_of(case, here)

@@ -122,7 +122,8 @@ def profiles(
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
-    if not (np.any(weights) and (cabling.bent or cabling.behind.any() or cabling.least_lengths.any())):
+    straight = cabling.linear and not (cabling.pulleys.any() or cabling.behind.any() or cabling.least_lengths.any())
+    if straight or not np.any(weights):
         return profile(exits, anchors, rest, cabling.pulls(np.broadcast_to(axial_stiffness, shape)), weights, points)
     table = np.array(without_memory(robot).cable_table(np.broadcast_to(axial_stiffness, shape)))
     table[..., WEIGHT], table[..., GIVES:] = weights, 0.0

@@ -43,18 +43,18 @@ def modes_of_all(
         matrix(scratch, row, 108, 6), vector(scratch, row, 144, n),
         Tridiagonal(vector(scratch, row, 150, n), vector(scratch, row, 156, n), vector(scratch, row, 162, n)),
     )  # fmt: skip
-    given = lent((table, rest_lengths, center_of_mass, inertia, free, position, rotation))
-    table, rest_lengths, center_of_mass, inertia, free, position, rotation = given
+    inertia, free = lent(inertia), lent(free)
     for i in range(rows):
         for j in range(columns):
-            kind = ck.load_table(d, table[i, j])
+            cables, R = lent(table[i, j]), lent(rotation[i, j])
+            kind = ck.load_table(d, cables)
             if heavy:
                 kind = SAGGING
             ck.load_lengths(d, rest_lengths[i, j])
-            ck.measure(d, table[i, j], kind, position[i, j], rotation[i, j], here.s)
+            ck.measure(d, cables, kind, lent(position[i, j]), R, here.s)
             frequency[i, j] = fill_modes(
-                kind, here.s, model.w, m, mass[i, j], gravity, center_of_mass[i, j], inertia, free, scale[i, j],
-                rotation[i, j], own,
+                kind, here.s, model.w, m, mass[i, j], gravity, lent(center_of_mass[i, j]), inertia, free, scale[i, j],
+                R, own,
             )  # fmt: skip
             for a in range(n):
                 eigenvalues[i, j, a] = own.d[a]

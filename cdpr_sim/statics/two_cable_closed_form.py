@@ -80,19 +80,7 @@ def short_bar_rotation(robot: Robot, position: ArrayLike) -> float:
 
 def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
     """(X1, X2), (h1, h2) and b [m]."""
-    robot.cabling.refuse_weight("two-cable closed form")
-    robot.cabling.refuse_compliance("two-cable closed form")
-    if not robot.cabling.direct:
-        raise InvalidInput(
-            f"two-cable closed form: found rope behind the exit or several parts of line in cable "
-            f"{int(np.argmax(robot.cabling.reeved)) + 1}, expected cables without: the drive line is not taken into "
-            "account here"
-        )
-    if robot.cabling.pulleys.any():
-        raise InvalidInput(
-            f"two-cable closed form: found a pulley in cable {int(np.argmax(robot.cabling.pulleys)) + 1}, expected "
-            "cables without: pulleys are not taken into account here"
-        )
+    robot.cabling.refuse_unknown("closed form", "two-cable closed form")
     first, second = (robot.anchors[0], robot.anchors[-1])
     if (
         robot.cables != 2
