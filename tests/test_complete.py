@@ -16,13 +16,14 @@ from sample_problems import symmetric_pair
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, exact, middles
-from cdpr_sim.proof.cables import Cable, wheels
+from cdpr_sim.proof.cables import Cable, slopes_of_law, wheels
 from cdpr_sim.proof.certificate import Enclosure
 from cdpr_sim.report import proof_tables
 
@@ -589,3 +590,27 @@ def test_the_compiler_contracts_no_product_and_sum():
 
     e = 2.0**-30
     assert product_and_sum(1 + e, 1 - e, -1.0) == 0.0
+
+
+def test_boxes_that_are_left_are_grouped_with_what_they_touch():
+    """Each is in one group: two that touch in every coordinate together; one that is apart in a single one, alone."""
+    box = np.tile([0.0, 1.0], (6, 1))
+    touching, apart, far = box + 1.0, box.copy(), box + 10.0
+    apart[2] += 5.0
+    groups = complete._joined(np.stack([box, far, touching, apart]), 1e-9)
+    found = sorted(sorted(one[:, 2, 0].tolist()) for one in groups)
+    assert found == [[0.0, 1.0], [5.0], [10.0]]
+
+
+def test_bounds_of_the_laws_slope_hold_between_the_ends():
+    """Of laws that soften and then stiffen within the polynomial, or the other way round, and of linear ones."""
+    laws = [(0.0, 0.0), (-4.0, 20.0), (-4.0, 15.0), (6.0, -15.0), (5.0, 50.0), (3.0, 0.0)]
+    robot = cdpr.load_robot("cogiro").replace(stiffening=[*laws, (0.0, 0.0), (0.0, 0.0)])
+    low, high = slopes_of_law(robot)
+    strain = np.linspace(0, MOST_STRAIN, 2001)[:, None]
+    a2, a3 = robot.stiffening.T
+    slopes = 1 + 2 * a2 * strain + 3 * a3 * strain**2
+    np.testing.assert_allclose(low, slopes.min(0), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(high, slopes.max(0), rtol=0, atol=1e-6)
+    assert (low <= slopes.min(0)).all()
+    assert (high >= slopes.max(0)).all()

@@ -477,6 +477,9 @@ def test_a_front_trades_displacement_against_tilt(parallel):
     """Nothing on it is better than another in both; its ends are the robot as given and one that tilts far less."""
     pytest.importorskip("pymoo")
     front = cdpr.find_front(parallel, LINE, within=0.1, generations=10, population=20)
+    fewer, last = front.thinned(2), len(front) - 1
+    np.testing.assert_array_equal(fewer.scores, front.scores[[0, last]])
+    np.testing.assert_array_equal(fewer.robot(1).exits, front.robot(last).exits)
     moved, tilt = front.scores.T
     assert moved[0] == 0
     assert tilt[0] == pytest.approx(front.before[1])

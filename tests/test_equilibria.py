@@ -1,5 +1,6 @@
 import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from sample_problems import hanging_mass
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.equilibria import unstable_directions
 from cdpr_sim.core.equilibrium import Stability
-from cdpr_sim.statics import forces
+from cdpr_sim.statics import forces, roots_kernel
 
 SAME = 1e-6
 """[m] Two equilibria, found twice: solutions scatter by 1e-10, MuJoCo's by 1e-8 where softly held."""
@@ -143,3 +144,14 @@ def test_indices_count_unstable_directions(catalogue):
     balanced = forces.equilibrium_at(cdpr.Problem.of(robot, problem.pose), robot.pose(top), iterations=0, source="hand")
     assert balanced.residual < 1e-9
     assert unstable_directions(balanced) == 2
+
+
+def test_a_step_of_the_search_is_no_longer_than_allowed_and_is_newtons_where_shorter():
+    """On the free directions, also where some are held."""
+    normal, damped, x = np.diag([4.0, 1.0, 1.0, 1.0, 1.0, 2.0]), np.empty((6, 6)), np.empty(6)
+    free, scale = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0]), 0.5
+    longest = roots_kernel.LONGEST * scale
+    for gradient in (np.full(6, 0.1 * longest), np.full(6, 1e3 * longest)):
+        roots_kernel.fill_step(SimpleNamespace(free=free, scale=scale), normal, gradient, 0.0, damped, x)
+        newton = -free * gradient / normal.diagonal()
+        np.testing.assert_allclose(x, newton * min(1.0, longest / np.linalg.norm(newton)), rtol=1e-12)

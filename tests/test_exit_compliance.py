@@ -6,6 +6,7 @@ import pytest
 from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
+from cdpr_sim.drawing.cable_curves import with_moved_exits
 from cdpr_sim.robots.robot_file_text import as_toml
 
 EXACT = 1e-9
@@ -195,3 +196,15 @@ def test_angles_of_pulleys_that_move_are_refused():
     errors = {"position_error": 1e-6, "swivel_error": 1e-3}
     with pytest.raises(cdpr.InvalidInput, match="swivels: found exit_compliance in cable 1"):
         cdpr.identify(robot, table, ("mass",), **errors)
+
+
+def test_drawn_exits_of_cables_with_mass_are_where_their_profiles_begin():
+    """And not where massless cables would bring them; drawn to a scale, they move as many times as far."""
+    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-4, linear_density=0.02)
+    batch = cdpr.solve_many(robot, np.add(robot.home, [0.05, 0, 0])[None])
+    one, shapes = batch[0], cdpr.cable_profiles(batch, 20)[0]
+    anchors = one.pose.apply(robot.anchors)
+    drawn = with_moved_exits(robot, anchors, one.tensions, shapes, 10.0).exits
+    np.testing.assert_allclose(drawn - robot.exits, 10 * (shapes[:, 0] - robot.exits), rtol=0, atol=1e-12)
+    without = with_moved_exits(robot, anchors, one.tensions, None, 10.0).exits
+    assert np.abs(drawn - without).max() > 0.05 * np.abs(drawn - robot.exits).max()

@@ -89,6 +89,16 @@ def test_errors_of_tensions_widen_those_of_corners():
     assert (wide.standard_errors > 1.05 * plain.standard_errors).all()
 
 
+def test_a_row_that_was_read_wrong_counts_less_where_that_is_asked():
+    """One belt of one row is 20 standard errors off: least squares miss the corners by twice what Huber's fit does."""
+    right = read(0.0)
+    lengths = right.lengths.copy()
+    lengths[7, 0] += 20 * NOISE
+    wrong = cdpr.Measurements.of(lengths=lengths, tensions=right.tensions)
+    plain, robust = (cdpr.identify(maslow(), wrong, ["exits"], length_error=NOISE, robust=one) for one in (False, True))
+    assert np.abs(missed(robust)).max() < 0.5 * np.abs(missed(plain)).max()
+
+
 def test_chosen_corners_and_a_stated_gauge():
     """One corner alone needs none; a stated gauge holds what it names."""
     true, _, _ = settled()

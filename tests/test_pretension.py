@@ -226,6 +226,8 @@ def test_a_pretension_belongs_to_the_robot(tmp_path, catalogue):
     assert cdpr.settle_many(robot, poses).status[2] == nothing
     with pytest.raises(cdpr.InvalidInput, match=r"pretension: found -.* N in cable"):
         cdpr.solve(robot, poses[2])
+    heavy = robot.replace(linear_density=2.0)  # at the second pose a cable weighs more than it would be pulled by
+    assert cdpr.solve_many(heavy, poses[:2]).status.tolist() == [cdpr.Status.CONVERGED, nothing]
     varied = cdpr.Problems.of(robot, poses[:2], axial_stiffness=[[1e5], [2e5]], mass=[5.0, 20.0])
     for row, (stiffness, mass) in enumerate(((1e5, 5.0), (2e5, 20.0))):
         alone = robot.replace(axial_stiffness=stiffness, mass=mass)

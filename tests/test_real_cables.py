@@ -245,3 +245,13 @@ def test_a_rest_length_is_more_than_what_is_rigid():
         cdpr.solve(robot, POSE, rest)
     batch = cdpr.solve_many(robot, np.array([POSE, POSE]), np.array([rest + 0.1, rest]))
     assert batch.converged.tolist() == [True, False]
+
+
+def test_a_rigid_end_that_would_lie_on_a_wheel_is_refused_at_the_commanded_pose():
+    """Many poses get the status of a cable that leaves its wheel; a shorter rigid end is none of it."""
+    robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.02)
+    assert cdpr.solve(robot.replace(rigid_length=0.4), robot.home).stable
+    long = robot.replace(rigid_length=0.45)
+    with pytest.raises(cdpr.InvalidInput, match=r"the rigid end of cable 2 on its pulley's wheel, 0\.441 m"):
+        cdpr.solve(long, robot.home)
+    assert cdpr.solve_many(long, robot.home[None]).status[0] == cdpr.Status.OFF_WHEEL

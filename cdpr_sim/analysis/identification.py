@@ -356,7 +356,7 @@ def identify(
         before, weights = scatters, model.weights
         if robust:
             sizes = np.abs(model.weighted(x) / weights)
-            model.weights = np.sqrt(np.minimum(1.0, TUNING / np.maximum(sizes, TUNING)))  # the weights' square roots
+            model.weights = _huber(sizes)
         scatters = _scatters(before, estimated, model, x, unstated[known], scales, floors, robust)
         model.errors = _errors(measurements, scatters)
         settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
@@ -463,7 +463,7 @@ def _from_lengths(
         before, weighed = scatter, weights
         if robust:
             sizes = np.sqrt((fit.left**2).mean(1)) / weights
-            weights = np.sqrt(np.minimum(1.0, TUNING / np.maximum(sizes, TUNING)))
+            weights = _huber(sizes)
         if estimated and freedom > LEAST_FREEDOM:
             squares = float((left**2).sum()) / (_WEIGHTED_SQUARES if robust else 1.0)
             scatter = max(scatter * float(np.sqrt(squares / freedom)), SMALLEST)
@@ -582,6 +582,11 @@ def _start_scatters(
 def _errors(measurements: Measurements, scatters: Float[np.ndarray, " kinds"]) -> Float[np.ndarray, "rows numbers"]:
     """Stated errors, and by kind where there is none."""
     return np.where(np.isnan(measurements.errors), scatters[measurements.kinds], measurements.errors)
+
+
+def _huber(sizes: np.ndarray) -> np.ndarray:
+    """Square roots of Huber's weights of residuals, whose ``sizes`` are in standard errors."""
+    return np.sqrt(TUNING / np.maximum(sizes, TUNING))
 
 
 _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))

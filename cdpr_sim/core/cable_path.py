@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.compiling import for_kernels, inline
@@ -131,16 +131,27 @@ def wheel_paths(
     y: Float[np.ndarray, "*batch pulleys"],
     z: Float[np.ndarray, "*batch pulleys"],
 ) -> Float[np.ndarray, "10 *batch pulleys"]:
-    """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path."""
-    *found, clear = _over_wheels(cabling, x, y, z)
-    return np.where(clear >= 0, np.array(found), np.nan)
+    """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path.
+
+    It has none either where its rigid end would lie on the wheel.
+    """
+    *found, clear = _over_wheels(cabling, np.stack([x, y, z]))
+    return np.where(_bends(cabling, found[4], clear), np.array(found), np.nan)
 
 
-def _over_wheels(cabling: Cabling, *chords: Float[np.ndarray, "*batch pulleys"]) -> tuple[np.ndarray, ...]:
+def _bends(
+    cabling: Cabling, free: Float[np.ndarray, "*batch pulleys"], clear: Float[np.ndarray, "*batch pulleys"]
+) -> Bool[np.ndarray, "*batch pulleys"]:
+    """Which cables lie on their wheels, with their rigid ends in the free piece."""
+    return (clear >= 0) & (free > cabling.rigid_length[cabling.pulleys])
+
+
+def _over_wheels(cabling: Cabling, chords: Float[np.ndarray, "3 *batch pulleys"]) -> tuple[np.ndarray, ...]:
     """Results of ``pulley_path`` for each cable over a pulley."""
-    over = cabling.pulleys
+    over, (x, y, z) = cabling.pulleys, chords
+    ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        return pulley_path(*chords, *cabling.pulley_axis[over].T, cabling.pulley_radius[over])
+        return pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
 
 
 def wrapped_lengths(
@@ -242,7 +253,13 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
     if not lost.any():
         return ""
     cable = int(np.argmax(lost))
-    axis, radius = cabling.pulley_axis[cable], cabling.pulley_radius[cable]
+    axis, radius, rigid = cabling.pulley_axis[cable], cabling.pulley_radius[cable], cabling.rigid_length[cable]
+    found = pulley_path(*chords[cable], *axis, float(radius))  # pyright: ignore[reportCallIssue]
+    if found[-1] >= 0 and np.isfinite(found[4]):
+        return (
+            f"the rigid end of cable {cable + 1} on its pulley's wheel, {found[4]:.3g} m from the anchor, expected a "
+            f"larger distance than its rigid_length, {rigid:g} m"
+        )
     distance, where, centre = float(np.linalg.norm(np.cross(axis, chords[cable]))), "inside or below", "pulley's axis"
     if distance >= radius:
         distance, where, centre = float(np.hypot(distance - radius, axis @ chords[cable])), "inside", "wheel's centre"
@@ -294,7 +311,7 @@ def lengths(
     if over.any():
         rows = np.array(coordinates)[..., over].reshape(3, -1, over.sum())
         for first in range(0, rows.shape[1], PIECE):
-            length, *_, clear = _over_wheels(cabling, *rows[:, first : first + PIECE])
-            rows[0, first : first + PIECE] = np.where(clear >= 0, length, np.nan)
+            length, _, _, _, free, *_, clear = _over_wheels(cabling, rows[:, first : first + PIECE])
+            rows[0, first : first + PIECE] = np.where(_bends(cabling, free, clear), length, np.nan)
         found[..., over] = rows[0].reshape(*found.shape[:-1], -1)
     return found

@@ -55,15 +55,23 @@ class Wheel:
 
 
 def with_moved_exits(
-    robot: Robot, anchors: Float[np.ndarray, "cables 3"], tensions: Float[np.ndarray, " cables"], times: float = 1.0
+    robot: Robot,
+    anchors: Float[np.ndarray, "cables 3"],
+    tensions: Float[np.ndarray, " cables"],
+    shapes: Float[np.ndarray, "cables points 3"] | None,
+    times: float = 1.0,
 ) -> Robot:
     """The robot with its exits where they are under these tensions [N] to ``anchors``; they move ``times`` as far.
 
-    Cables with mass are taken as massless there.
+    Those of cables with mass are where their profiles, ``shapes``, begin; over a pulley those of massless cables.
     """
-    if robot.cabling.rigid_exits:
+    cabling = robot.cabling
+    if cabling.rigid_exits:
         return robot
-    moves = cable_path.exit_moves(robot.cabling, robot.exits - anchors, robot.cabling.pulls(tensions))
+    moves = cable_path.exit_moves(cabling, robot.exits - anchors, cabling.pulls(tensions))
+    if shapes is not None:
+        hang = cabling.moving_exits & cabling.with_mass & ~cabling.pulleys
+        moves[hang] = (shapes[:, 0] - robot.exits)[hang]
     return beside(robot, "exits", robot.exits + times * np.nan_to_num(moves))
 
 

@@ -21,12 +21,13 @@ from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.linalg import eigh
 
 from cdpr_sim.core.checks import as_numbers
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.tendons import jacobian
 
 Damping: TypeAlias = float | Literal["settle", "none"]
 """What damps the platform: the argument of ``to_mjcf``."""
@@ -78,35 +79,18 @@ def stiffest(
 ) -> tuple[float, Float[np.ndarray, "free free"]]:
     """Square of the angular frequency of the platform's fastest oscillation [rad²/s²], and its mass matrix [kg, kg m²].
 
-    Where the model is written, with all cables taut, by the tendons' velocities and the mass matrix in MuJoCo. Cables
+    Where the model is written, with all cables taut, by the tendons' Jacobian and the mass matrix in MuJoCo. Cables
     with mass are as stiff as along their chords.
     """
     data, free = mujoco.MjData(model), np.arange(len(robot.free))
     names = np.where(robot.cabling.with_mass, "chord", "cable")
     cables = np.array([model.tendon(f"{name}_{i + 1}").id for i, name in enumerate(names)])
-    stretch, mass = stretching(model, data, free, cables), np.zeros((len(free), model.nv))
+    mujoco.mj_forward(model, data)
+    stretch, mass = jacobian(model, data.ten_J)[cables][:, free].T, np.zeros((len(free), model.nv))
     for coordinate, unit in enumerate(np.eye(len(free), model.nv)):
         mujoco.mj_mulM(model, data, mass[coordinate], unit)
     mass = mass[:, free]
     return float(eigh(stretch * springs @ stretch.T, mass, eigvals_only=True)[-1]), mass
-
-
-def stretching(
-    model: mujoco.MjModel, data: mujoco.MjData, dofs: Int[np.ndarray, " dofs"], cables: Int[np.ndarray, " cables"]
-) -> Float[np.ndarray, "dofs cables"]:
-    """Rates at which the tendons ``cables`` lengthen at unit velocities; ``data`` is at zero velocity before and after.
-
-    It is up to date, as after ``mj_forward``.
-    """
-    rates = np.zeros((len(dofs), len(cables)))
-    data.qvel[:] = 0
-    for row, dof in enumerate(dofs):
-        data.qvel[dof] = 1
-        mujoco.mj_forward(model, data)
-        rates[row] = data.ten_velocity[cables]
-        data.qvel[dof] = 0
-    mujoco.mj_forward(model, data)
-    return rates
 
 
 def rounded_down(step: float) -> float:

@@ -29,9 +29,9 @@ SPEED = 1e-6
 """Largest speed at equilibrium, as a fraction of (cable length x angular frequency): at it, crossing the frame takes
 days."""
 
-STEPS, FEWER = 30_000, 2000
-"""Time steps after which a platform counts as not converging, and after which it tries again with less damping. DemoBot
-needs a hundred; sliding along stiff cables, thousands."""
+STEPS = 30_000
+"""Time steps after which a platform counts as not converging. DemoBot needs a hundred; sliding along stiff cables,
+thousands."""
 
 CHUNK = 13
 """Time steps between two evaluations of the residual; odd, so that a velocity that alternates at every step is
@@ -41,14 +41,10 @@ FIRST_STEP, SHORTEST_STEP, LONGEST_STEP = 0.1, 1e-4, 0.3
 """Time steps as fractions of 1/omega of the slowest oscillation; with longer ones stiff cables make light platforms
 unstable."""
 
-SINKING, SWINGING = (20.0, 3.0), (1.5, 1.5)
-"""Damping ratio of the slowest oscillation, before the first evaluation of the residual and after it. It is so
-overdamped that a platform which falls into its cables sinks into the equilibrium below it: with 1.5, one in a hundred
-between eight taut cables swings past it into another one. Some platforms on a single stiff cable come to rest only with
-less damping: the second pair is that of a second try."""
-
-LEAST_DAMPING, MOST_DAMPING = 0.5, 20.0
-"""Limits of this ratio, which adapts itself."""
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
+"""Damping ratio of the slowest oscillation: overdamped at first, so that the platform sinks into the equilibrium below
+it and does not swing into another one. Fast oscillations are not overdamped: of random platforms that fall into eight
+cables as long as their spans, one in a hundred ends in another equilibrium than an overdamped motion."""
 
 OVERDAMPED = 10.0
 """Smallest damping ratio of a platform that has been below a wheel: it does not swing past an equilibrium beside the
@@ -116,15 +112,13 @@ class Relaxation:
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
         self._add_inertia(np.where(self.strained[:, None], np.maximum(needed[:, None] - turning, 0), 0))
-        self.first_inertia = self.inertia.copy(), simulations.armature.copy()
-        self.limit = np.full(rows, min(FEWER, STEPS))
+        self.limit = np.full(rows, STEPS)
         self.live = np.ones(rows, dtype=bool)
         self.start = simulations.qpos.copy()
         self.qpos = self.start.copy()
-        self.least_damping, self.damping = np.full(rows, LEAST_DAMPING), np.tile(SINKING, (rows, 1))
+        self.least_damping = np.full(rows, LEAST_DAMPING)
         self.velocity = np.zeros((rows, simulations.free))
-        self.step, self.ratio = np.full(rows, FIRST_STEP), self.damping[:, 0].copy()
-        self.first = np.ones(rows, dtype=bool)
+        self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
         self.rattles = np.zeros(rows, dtype=int)
         self.residual, self.ready = np.zeros(rows), READY * self.load
@@ -140,12 +134,9 @@ class Relaxation:
         simulations.qvel[at] = simulations.in_dofs(at, directions[at] * speed[:, None])
         self._set_off(rows, self.qpos)
 
-    def again(self, rows: Bool[np.ndarray, " rows"], *, swinging: bool = False) -> None:
-        """Start ``rows`` again from their initial pose, overdamped or with so little damping that they swing."""
-        self.least_damping[rows], self.damping[rows] = (LEAST_DAMPING, SWINGING) if swinging else (OVERDAMPED, SINKING)
-        self.rattles[rows], self.velocity[rows] = 0, 0.0
-        self.inertia[rows], self.simulations.armature[rows] = (part[rows] for part in self.first_inertia)
-        self._weigh()
+    def again(self, rows: Bool[np.ndarray, " rows"]) -> None:
+        """Start ``rows`` again from their initial pose, overdamped."""
+        self.least_damping[rows] = OVERDAMPED
         self.simulations.reset(np.flatnonzero(rows))
         if self.frames is not None:
             self.frames[:] = self.frames[:1]
@@ -154,8 +145,7 @@ class Relaxation:
     def _set_off(self, rows: Bool[np.ndarray, " rows"], qpos: Float[np.ndarray, "rows coordinates"]) -> None:
         self.simulations.qpos[rows] = qpos[rows]
         self.simulations.follow(np.flatnonzero(rows))
-        self.step[rows], self.first[rows] = FIRST_STEP, True
-        self.ratio[rows] = np.maximum(self.damping[rows, 0], self.least_damping[rows])
+        self.step[rows], self.ratio[rows] = FIRST_STEP, np.maximum(FIRST_DAMPING, self.least_damping[rows])
         self.best[rows], self.patience[rows] = np.inf, 0
         self.limit[rows] = self.steps[rows] + STEPS
         self.ready[rows], self.finished[rows] = READY * self.load[rows], False
@@ -257,8 +247,7 @@ class Relaxation:
         rattling = self.patience >= PATIENCE
         longer, thinner = np.where(rattling, 0.6, np.where(going, 1.2, 1.0)), np.where(slow, 0.9, 1.0)
         self.step = np.minimum(np.maximum(self.step * longer, SHORTEST_STEP), LONGEST_STEP)
-        self.ratio = np.where(self.first, self.damping[:, 1], self.ratio) * np.where(rattling, 1.5, thinner)
-        self.first[:] = False
+        self.ratio = self.ratio * np.where(rattling, 1.5, thinner)
         self.ratio = np.minimum(np.maximum(self.ratio, self.least_damping), MOST_DAMPING)
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
@@ -277,10 +266,7 @@ class Relaxation:
         self.inertia_added = bool((added > 0).any()) or self.inertia_added
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
-        self._weigh()
-
-    def _weigh(self) -> None:
-        self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / self.simulations.unit
+        self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
 
 
 def parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:

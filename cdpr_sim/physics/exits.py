@@ -3,7 +3,7 @@
 The body carries the exit's site and its wheel, without weight. There is no slide along an axis in which the exit does
 not move. The frame has no motion of its own: where forces are evaluated, the exits are where theirs balance, found by
 Newton's method on MuJoCo's forces. Each depends on its own cable alone, so that differences along x, y and z are those
-of all exits at once.
+of all exits at once. In motions, the forces of tendons are known, and their slopes take the place of differences.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -37,6 +37,9 @@ STEPS, TRIALS = 20, 10
 
 DIFFERENCE = 1e-6
 """Displacement for differences, as a fraction of the mean cable length."""
+
+BALANCED = 1e-13
+"""Displacement of an exit in a motion that changes nothing, as a fraction of its tendon's length."""
 
 ROUNDING = 1e-15
 """Step that changes nothing but rounding, as a fraction of the mean cable length."""
@@ -175,6 +178,68 @@ class Slides:
             here, left = here + share[..., None] * move, there
             if not (size > ROUNDING * length[:, None]).any() or not ((after < 0.5 * size) & (after > 0)).any():
                 break
+
+
+@dataclass(frozen=True)
+class MovingExits:
+    """Exits that give way in one simulation whose tendons' forces are known.
+
+    Attributes:
+        cables: theirs, (moving,).
+        tendons: that leave them.
+        coordinates, dofs: of their slides, as in ``Slides``.
+        softness: their compliance [m/N].
+    """
+
+    cables: Int[np.ndarray, " moving"]
+    tendons: Int[np.ndarray, " moving"]
+    coordinates: Int[np.ndarray, "moving 3"]
+    dofs: Int[np.ndarray, "moving 3"]
+    softness: Float[np.ndarray, "moving 3"]
+
+    @classmethod
+    def of(cls, slides: Slides, robot: Robot, first: Int[np.ndarray, " cables"]) -> MovingExits:
+        """Those of a robot, whose exits are left by the tendons ``first``."""
+        moving = np.flatnonzero(slides.some.any(1))
+        at = slides.coordinates[moving], slides.dofs[moving]
+        return cls(moving, first[moving], *at, robot.exit_compliance[moving])
+
+    def __len__(self) -> int:
+        return len(self.cables)
+
+    def move(
+        self,
+        qpos: Float[np.ndarray, " coordinates"],
+        jacobian: Float[np.ndarray, "tendons dofs"],
+        lengths: Float[np.ndarray, " moving"],
+        pulls: Float[np.ndarray, " moving"],
+        slopes: Float[np.ndarray, " moving"],
+    ) -> tuple[Float[np.ndarray, " moving"], bool]:
+        """Move the exits by one step of Newton's method, unless forces balance.
+
+        With the pull T and the slope k of its tendon, the unit vector u towards the anchor and its length l, an exit of
+        the compliance C moves by d = C T u; by d, C T u changes by -C (k uuᵀ + T/l (1 - uuᵀ)).
+
+        Args:
+            qpos: coordinates, which are changed.
+            jacobian: of the tendons there.
+            lengths: of these tendons [m].
+            pulls: theirs [N].
+            slopes: of their pulls by length [N/m].
+
+        Returns:
+            uᵀ C u, by how much each exit gives way along its tendon, [m/N]; and whether exits moved.
+        """
+        some, softness, across = self.dofs >= 0, self.softness, (pulls / lengths)[:, None]
+        ways = np.where(some, -jacobian[self.tendons[:, None], self.dofs], 0.0)
+        moves = np.where(some, qpos[self.coordinates], 0.0)
+        along = (slopes[:, None] - across)[..., None] * ways[:, :, None] * ways[:, None, :]
+        slope = np.eye(3) * (1 + softness * across)[:, None] + softness[..., None] * along
+        steps = np.linalg.solve(slope, (softness * pulls[:, None] * ways - moves)[..., None])[..., 0]
+        moved = bool((np.abs(steps) > BALANCED * lengths[:, None]).any())  # not after it became unstable
+        if moved:
+            qpos[self.coordinates[some]] += steps[some]
+        return (softness * ways * ways).sum(1), moved
 
 
 def beside_slides(robot: Robot, swivels: ArrayLike) -> Float[np.ndarray, " coordinates"]:

@@ -40,7 +40,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.cable import Law, Springs
 from cdpr_sim.physics.chains import ChainDivision, cut, plucked
-from cdpr_sim.physics.exits import STEPS
+from cdpr_sim.physics.exits import STEPS, MovingExits
 from cdpr_sim.physics.rope_motion import RopeMotion, RopeState
 from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
 
@@ -56,9 +56,6 @@ ROUNDING = 1e-9
 
 NEAREST = 1e-9
 """Least strain of a chain's segment that limits a step."""
-
-BALANCED = 1e-13
-"""Displacement of an exit that changes nothing, as a fraction of its tendon's length."""
 
 SHORTEST_FREE = 0.1
 """Least free length of a first segment that damping assumes, in radii of its wheel."""
@@ -165,12 +162,7 @@ class Motion:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
         self._rates = self._still = np.zeros(self.robot.cables)
         self._evaluated = self._qvel.copy(), self.longest
-        moving = np.flatnonzero(simulation.frames.some.any(1))
-        self._moving = moving
-        self._led = simulation.first[moving]  # the tendons that leave moving exits
-        self._slides, self._coordinates = simulation.frames.dofs[moving], simulation.frames.coordinates[moving]
-        springs = model.jnt_stiffness[model.dof_jntid[self._slides]]
-        self._softness = np.divide(1.0, springs, out=np.zeros(springs.shape), where=self._slides >= 0)
+        self._exits = MovingExits.of(simulation.frames, self.robot, simulation.first)
         self._gives = np.zeros(model.ntendon)  # by how much exits give way along their tendons [m/N]
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
@@ -324,7 +316,7 @@ class Motion:
         if self._heavy:
             within[self._chains.cables] = self._bands[self._chains.segments[:, 1:]].sum(1)
         lengths = self._lengths[simulation.first] - simulation.entries + within
-        slopes = self._theta is not None or len(self._moving) > 0
+        slopes = self._theta is not None or len(self._exits) > 0
         state = ropes.at(lengths, self.let_out, seconds, within, slopes=slopes)
         if self.motors.any() and not self._heavy:
             state = state.where(self.motors, ropes.under(lengths, self.tensions, seconds))
@@ -334,18 +326,14 @@ class Motion:
 
     def _balance_exits(self) -> None:
         """Put exits that give way where the forces of springs balance."""
-        for _ in range(STEPS if len(self._moving) else 0):
+        for _ in range(STEPS if len(self._exits) else 0):
             if not self._move_exits():
                 break
 
     def _move_exits(self) -> bool:
-        """Move exits that give way by one step of Newton's method, unless their forces balance; whether they moved.
-
-        With the pull T and the slope k of its tendon, the unit vector u from the anchor and its length l, an exit of
-        the compliance C moves by d = C T u, and the slope of C T u is C (k uuᵀ + T/l (1 - uuᵀ)).
-        """
-        led, moving, slides = self._led, self._moving, self._slides
-        if not len(moving):
+        """One step of exits that give way towards where the forces of springs balance; whether they moved."""
+        exits, led = self._exits, self._exits.tendons
+        if not len(exits):
             return False
         lengths = self._lengths[led]
         stretch = np.maximum(lengths - self._bands[led], 0.0)
@@ -355,21 +343,13 @@ class Motion:
             own = np.isin(led, self._foreign)
             pulls, slopes = np.where(own, self._pulls[led], pulls), np.where(own, self._slopes[led], slopes)
         elif self.motors.any():
-            held = self.motors[moving] & np.isin(led, self.simulation.single)
-            pulls = np.where(held, self.robot.cabling.pulls(self.tensions)[moving], pulls)
+            held = self.motors[exits.cables] & np.isin(led, self.simulation.single)
+            pulls = np.where(held, self.robot.cabling.pulls(self.tensions)[exits.cables], pulls)
             slopes = np.where(held, 0.0, slopes)
-        ways = np.where(slides >= 0, -self._jacobian[led[:, None], slides], 0.0)
-        softness, across = self._softness, (pulls / lengths)[:, None]
-        self._gives[led] = (softness * ways * ways).sum(1)
-        moves = np.where(slides >= 0, self._qpos[self._coordinates], 0.0)
-        along = (slopes[:, None] - across)[..., None] * ways[:, :, None] * ways[:, None, :]
-        slope = np.eye(3) * (1 + softness * across)[:, None] + softness[..., None] * along
-        steps = np.linalg.solve(slope, (softness * pulls[:, None] * ways - moves)[..., None])[..., 0]
-        if not (np.abs(steps) > BALANCED * lengths[:, None]).any():  # nor after it became unstable
-            return False
-        self._qpos[self._coordinates[slides >= 0]] += steps[slides >= 0]
-        self._locate()
-        return True
+        self._gives[led], moved = exits.move(self._qpos, self._jacobian, lengths, pulls, slopes)
+        if moved:
+            self._locate()
+        return moved
 
     def _accelerated(self, step: float) -> Float[np.ndarray, " dofs"]:
         """The acceleration for a step, by MuJoCo's implicit integrator; the state does not change."""
@@ -458,7 +438,7 @@ class Motion:
 
     def _stretching(self, slopes: Float[np.ndarray, " tendons"]) -> Float[np.ndarray, " tendons"] | float:
         """Parts of motions along tendons of these slopes [N/m] that stretch them; exits take the rest."""
-        return 1 / (1 + slopes * self._gives) if len(self._moving) else 1.0
+        return 1 / (1 + slopes * self._gives) if len(self._exits) else 1.0
 
     def _winding(self) -> Float[np.ndarray, " tendons"]:
         """Rates at which the rest lengths of tendons change [m/s]."""

@@ -165,9 +165,6 @@ class Settling:
             reading = self._read()
         else:
             self.relaxation.run()
-            failed = self.status != Status.CONVERGED
-            if failed.any():
-                self.relaxation.again(failed, swinging=True)
             reading = self._read()
             lost = reading.off_wheel
             if len(self.simulations.swivels):

@@ -45,6 +45,7 @@ from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
+from cdpr_sim.physics.tendons import jacobian
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
@@ -156,7 +157,6 @@ class Simulations:
         self._own = [self.batch.state, *([] if self.elements is None else [self.elements.yields])]
         if self.heavy or len(self.swivels):
             self._own += self._others
-        self._entries = np.repeat(np.arange(self.model.ntendon), self.model.ten_J_rownnz)
         self.net, self.rotations = np.zeros((rows, self.model.nv)), np.zeros((rows, 3, 3))
 
     def _name_fields(self) -> None:
@@ -591,11 +591,10 @@ class Simulations:
         """
         if self.heavy:  # wheels may have turned
             self.batch.forward(at, stage=POSITIONS)
-        jacobian, springs = np.zeros((len(at), self.model.ntendon, self.model.nv)), self._alone(at, sets)
-        jacobian[:, self._entries, self.model.ten_J_colind] = self._jacobian[at]
+        rates, springs = jacobian(self.model, self._jacobian[at]), self._alone(at, sets)
         if self._gives_way:
-            jacobian[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
-        ways = np.ascontiguousarray(jacobian[:, [tendons[0] for tendons in sets]])
+            rates[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
+        ways = np.ascontiguousarray(rates[:, [tendons[0] for tendons in sets]])
         pulls = -(ways * springs).sum(2) / np.maximum((ways * ways).sum(2), np.finfo(float).tiny)
         return pulls * self.unit + 0.0  # no negative zero
 
@@ -759,16 +758,6 @@ def turned(
     return whole
 
 
-def refuse_own_masses(problems: Problems) -> None:
-    """Refuse a mass per problem, since one model has one mass.
-
-    Raises:
-        InvalidInput: another mass than the robot's.
-    """
-    if (problems.mass != problems.robot.mass).any():
-        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
-
-
 _idle: dict[tuple[Robot, int, int], Simulations] = {}
 """Cache of simulations by robot, rows and threads: building one takes as long as a settling."""
 
@@ -796,7 +785,8 @@ def simulations_of(
         InvalidInput: a mass per problem, since all rows have one model.
     """
     robot, rows = problems.robot, len(problems)
-    refuse_own_masses(problems)
+    if (problems.mass != robot.mass).any():
+        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
     reusable, key = model is None and rows <= MOST_ROWS, (robot, rows, threads)
     found = _idle.pop(key, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -92,6 +93,15 @@ def add_tendons(
         if wound and not (cabling.pulleys[i - 1] or heavy):
             add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=winches.HIDDEN)
     return tendons
+
+
+def jacobian(
+    model: mujoco.MjModel, entries: Float[np.ndarray, "*rows entries"]
+) -> Float[np.ndarray, "*rows tendons dofs"]:
+    """Rates of the tendons' lengths by velocities, from MuJoCo's sparse ``ten_J``."""
+    whole = np.zeros((*entries.shape[:-1], model.ntendon, model.nv))
+    whole[..., np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind] = entries
+    return whole
 
 
 def add_twin(tendons: ET.Element, name: str, cable: int, length: float, group: int | None = None) -> None:

@@ -346,7 +346,7 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     pose = view.problem.pose if settled is None else settled.pose
     anchors = pose.apply(robot.anchors)
     # Without an equilibrium there is no cable profile: cables are drawn straight.
-    moved = without_mass(robot) if settled is None else with_moved_exits(robot, anchors, settled.tensions)
+    moved = without_mass(robot) if settled is None else with_moved_exits(robot, anchors, settled.tensions, view.shapes)
     cabling = moved.cabling
     cables = []
     for cable, anchor in enumerate(anchors):

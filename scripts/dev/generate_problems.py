@@ -43,7 +43,9 @@ CABLE_FIELDS = ("exits", "anchors", "axial_stiffness", "linear_density", "pulley
 def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
     """A problem in the format of its file."""
     robot, cabling = problem.robot, problem.robot.cabling
-    names = CABLE_FIELDS + (() if cabling.direct else ("winch_to_exit", "reeving"))
+    names = CABLE_FIELDS + (
+        ("winch_to_exit", "reeving") if (cabling.behind > 0).any() or (cabling.reeving > 1).any() else ()
+    )
     fields = {field: getattr(cabling, field).tolist() for field in names}
     fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
     fields |= {"gravity": robot.gravity, "mobility": robot.mobility}
@@ -127,7 +129,7 @@ def _varied(level: str, robot: Robot, random: np.random.Generator) -> tuple[Robo
     """Vary the stiffness, and in some problems the elasticity, a pulley, a force or a torque."""
     factor = STIFFER if level == "higher" else 10 ** random.uniform(-1.0, 0.5)
     changes: dict[str, Any] = {"axial_stiffness": np.round(factor * robot.axial_stiffness, 3)}
-    draw, plain = random.random(), robot.cabling.massless and not robot.cabling.bent
+    draw, plain = random.random(), robot.cabling.massless and robot.cabling.linear and not robot.cabling.pulleys.any()
     if plain and draw < 0.1:
         changes["stiffening"] = (5.0, 50.0)
     elif plain and draw < 0.2:

@@ -138,7 +138,7 @@ def draw_pose(
     """
     position, rotation = equilibria.positions[row], equilibria.rotations[row]
     anchors = position + equilibria.robot.anchors @ rotation.T
-    robot = with_moved_exits(equilibria.robot, anchors, equilibria.tensions[row])
+    robot = with_moved_exits(equilibria.robot, anchors, equilibria.tensions[row], shapes)
     draw_commanded(ax, robot, equilibria.problems.positions[row])
     draw_platform(ax, robot, position, rotation)
     draw_cables(ax, robot, position, rotation, equilibria.slack[row], equilibria.rest_lengths[row], shapes)

@@ -114,7 +114,8 @@ class Stage:
         """Move exits that give way, as much further as deviations are drawn larger."""
         trajectory, robot = self.trajectory, self.robot
         anchors = trajectory.poses[step].apply(robot.anchors)
-        self._moved = with_moved_exits(robot, anchors, trajectory.tensions[step], self.exaggeration)
+        shapes = None if self.shapes is None else self.shapes[step]
+        self._moved = with_moved_exits(robot, anchors, trajectory.tensions[step], shapes, self.exaggeration)
 
     def _look_at(self, step: int) -> None:
         self.step = step
