@@ -136,11 +136,17 @@ def wheel_paths(
     return np.where(clear >= 0, np.array(found), np.nan)
 
 
-def _over_wheels(cabling: Cabling, *chords: Float[np.ndarray, "*batch pulleys"]) -> tuple[np.ndarray, ...]:
+def _over_wheels(
+    cabling: Cabling,
+    x: Float[np.ndarray, "*batch pulleys"],
+    y: Float[np.ndarray, "*batch pulleys"],
+    z: Float[np.ndarray, "*batch pulleys"],
+) -> tuple[np.ndarray, ...]:
     """Results of ``pulley_path`` for each cable over a pulley."""
     over = cabling.pulleys
+    ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        return pulley_path(*chords, *cabling.pulley_axis[over].T, cabling.pulley_radius[over])
+        return pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
 
 
 def wrapped_lengths(

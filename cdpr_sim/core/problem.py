@@ -562,7 +562,7 @@ def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
     matrices = as_numbers("rotations", rotations)
     if matrices.shape[-2:] != (3, 3):
         raise InvalidInput(f"rotations: found an array of shape {matrices.shape}, expected (..., 3, 3)")
-    known = np.isfinite(matrices).all((-1, -2))
+    known = np.asarray(np.isfinite(matrices).all((-1, -2)))
     finite = np.where(known[..., None, None], matrices, np.eye(3))
     square = finite @ finite.swapaxes(-1, -2)
     wrong = (np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(finite) < 0)

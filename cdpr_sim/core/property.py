@@ -15,8 +15,8 @@ from cdpr_sim.core.checks import as_numbers, checked_array, in_range, listed, re
 from cdpr_sim.core.errors import InvalidInput
 
 Method = Literal[
-    "statics", "simulation", "proof", "proof of completeness", "cable damping", "learning", "layout search", "swivel angles",
-    "closed form",
+    "statics", "simulation", "proof", "proof of completeness", "cable damping", "learning", "layout search",
+    "swivel angles", "closed form",
 ]  # fmt: skip
 
 EVERY: tuple[Method, ...] = get_args(Method)
