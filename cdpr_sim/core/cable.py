@@ -83,7 +83,7 @@ STIFFNESS_RANGE = (1e-6, 1e15)
 beyond."""
 
 
-KEPT: tuple[Method, ...] = ("statics", "simulation", "cable damping", "closed form")
+KEPT: tuple[Method, ...] = ("statics", "simulation", "closed form")
 """Methods that take a memory into account, or most of it (``Cabling.refuse_memory``)."""
 
 LEAST_STRAIN = 1e-5
