@@ -662,6 +662,17 @@ def test_every_option_is_named_in_a_test():
     assert forgotten == []
 
 
+def test_a_flag_that_is_not_given_is_off():
+    """But those that have a name for off: --no-certify."""
+    on = [
+        f"{command} {option.opts[0]}"
+        for command, made in COMMANDS.items()
+        for option in made.params
+        if getattr(option, "is_flag", False) and option.default and not option.secondary_opts
+    ]
+    assert on == []
+
+
 # ----------------------------------------------------------------------------------------------- the world outside
 
 COMMAND = [sys.executable, "-c", "from cdpr_sim.__main__ import main; main()"]

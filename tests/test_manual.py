@@ -76,10 +76,10 @@ def run_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
             install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(wheel)]
             install += ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
             subprocess.run([*install, str(ROOT)], check=True, timeout=100)
-            for path in files:
-                if (same := wheel / path.relative_to(ROOT)).exists():
-                    shutil.copystat(path, same)  # Numba takes code of other dates for that of other sources
             (wheel / key).touch()
+        for path in files:
+            if (same := wheel / path.relative_to(ROOT)).exists():
+                shutil.copystat(path, same)  # Numba takes code of other dates for that of other sources
         hand_over_compiled_code(wheel)
     path = os.pathsep.join([str(wheel / "bin"), os.environ["PATH"]])
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # a fork has no other thread
@@ -117,8 +117,7 @@ def hand_over_compiled_code(wheel: Path) -> None:
             for folder in (source, wheel / source.relative_to(ROOT))
         )
         for kept in mine.glob(f"*/{here}"):
-            if not (copy := Path(theirs, kept.parent.name, there)).exists():
-                shutil.copytree(kept, copy)
+            shutil.copytree(kept, Path(theirs, kept.parent.name, there), dirs_exist_ok=True)
 
 
 def comparable(text: str) -> list[str]:

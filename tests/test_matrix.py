@@ -978,7 +978,7 @@ def _track_tensions(at: Case) -> Judge:
 
 @row(
     "gym",
-    refuses=NO_MEMORY | RIGID_EXITS | {"mass": "linear density|with mass|massless", "law": "nonlinear"},
+    refuses=NO_MEMORY | RIGID_EXITS | {"mass": "linear_density", "law": "nonlinear"},
     few=8,
 )
 def _gym(at: Case) -> Judge:

@@ -254,7 +254,8 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
         return ""
     cable = int(np.argmax(lost))
     axis, radius, rigid = cabling.pulley_axis[cable], cabling.pulley_radius[cable], cabling.rigid_length[cable]
-    found = pulley_path(*chords[cable], *axis, float(radius))  # pyright: ignore[reportCallIssue]
+    over = np.flatnonzero(cabling.pulleys)
+    found = [one[over.searchsorted(cable)] for one in _over_wheels(cabling, chords[over].T)]
     if found[-1] >= 0 and np.isfinite(found[4]):
         return (
             f"the rigid end of cable {cable + 1} on its pulley's wheel, {found[4]:.3g} m from the anchor, expected a "
