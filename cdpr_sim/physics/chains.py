@@ -75,6 +75,9 @@ LAYINGS, SHORTER, CLOSER = 60, 40, 1e-4
 """Largest number of Newton steps to lay out a chain, and of halvings of each, of which a few suffice; and the least
 decrease of energy in a step, as a fraction of that of its beginning."""
 
+LONGER = 4.0
+"""Factor of a step's share of Newton's for the next one, where a step had to be that short."""
+
 SHARPER = 0.1
 """Factor of a rounded edge's radius after a step."""
 
@@ -603,7 +606,7 @@ def hang(
     folded = np.any([laid(-pull, every).gap <= rest[:, k, 0] for k, pull in enumerate(hanging.swapaxes(0, 1))], axis=0)
     here, close, pulls = laid(pulls, every), CLOSED * rest.sum(1)[:, 0], pulls.copy()
     tried = folded | ~here.regular
-    some = np.flatnonzero(~tried)
+    some, begun = np.flatnonzero(~tried), np.ones(len(spans))  # the share of Newton's step that is tried first
     for _ in range(LAYINGS):
         some = some[(here.gap[some] > close[some]) | (soft[some] > 0)]
         if not len(some):
@@ -612,8 +615,9 @@ def hang(
         fall, descends = np.vecdot(step, here.off[some]), np.zeros(len(some), dtype=bool)
         for halved in range(SHORTER):
             left = np.flatnonzero(~descends)
-            rows, share = some[left], 0.5**halved
-            further = pulls[rows] + share * step[left]
+            rows = some[left]
+            share = begun[rows] * 0.5**halved
+            further = pulls[rows] + share[:, None] * step[left]
             there = laid(further, rows)
             rise = there.energy - here.energy[rows]
             terms = np.abs(there.energy) + np.abs(np.vecdot(further, spans[rows]))
@@ -621,6 +625,7 @@ def hang(
             lower = (rise < -CLOSER * share * fall[left]) | (equal & (there.gap <= here.gap[rows]))
             descends[left] = better = lower & there.regular
             pulls[rows[better]] = further[better]
+            begun[rows[better]] = np.minimum(LONGER * share[better], 1.0)
             here.update(rows[better], there, better)
             if descends.all():
                 break
@@ -630,7 +635,7 @@ def hang(
         some = np.union1d(some[descends], edge)
         rounded = soft[some] > 0
         soft[some] *= np.where(soft[some] > least[some], SHARPER, 0.0)
-        soft[edge], tried[edge] = heaviest[edge], True
+        soft[edge], tried[edge], begun[edge] = heaviest[edge], True, 1.0
         changed = some[rounded | (soft[some] > 0)]
         here.update(changed, laid(pulls[changed], changed))
     return here.segments[:, :-1], here.gap <= NEARLY * close
