@@ -73,7 +73,7 @@ class RopeMotion:
         lengths: Float[np.ndarray, " cables"],
         rest_lengths: Float[np.ndarray, " cables"],
         seconds: float,
-        within: Float[np.ndarray, " cables"] | float = 0.0,
+        within: Float[np.ndarray, " cables"],
         *,
         slopes: bool = False,
     ) -> RopeState:
@@ -83,7 +83,7 @@ class RopeMotion:
         ``slopes``, these are 0.
         """
         step = RopeStep.of(self._cabling, self._robot.axial_stiffness, rest_lengths[None], self.memory, seconds)
-        if np.any(within):
+        if within.any():
             step = step.in_chain(rest_lengths[None] - within)
         pulls = step.pulls(step.stretches(lengths[None]))
         memory = step.memory_after(lengths[None], self._cabling.tensions(pulls))
