@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -90,3 +92,19 @@ def test_what_is_refused_of_one_problem_is_a_status_of_many_or_no_refusal_elsewh
     )
     with pytest.raises(cdpr.NotSettled, match=r"beyond the range of its nonlinear law \(cables 1, 4\)"):
         cdpr.settle(beside, (0.3, 0.25, 0.1))
+
+
+@pytest.mark.parametrize("rigid", [0.0, 0.05])
+def test_a_chain_may_be_as_short_as_its_refusal_says(rigid):
+    """A cable with mass over a wheel, with and without a rigid end: 2 % less is refused, 2 % more is not."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=0.05, pulley_radius=0.01, rigid_length=rigid)
+    rest = robot.rest_lengths(robot.home)
+    short = np.where(np.arange(8) == 2, 0.1, rest)
+    with pytest.raises(cdpr.InvalidInput, match="its chain's first mass could touch the wheel") as refused:
+        cdpr.to_mjcf(robot, robot.home, short)
+    found = re.search(r"in cable 3, .* expected at least (\S+) m", str(refused.value))
+    assert found is not None
+    least = float(found[1])
+    with pytest.raises(cdpr.InvalidInput, match="could touch the wheel"):
+        cdpr.to_mjcf(robot, robot.home, np.where(np.arange(8) == 2, 0.98 * least, rest))
+    assert cdpr.to_mjcf(robot, robot.home, np.where(np.arange(8) == 2, 1.02 * least, rest))

@@ -134,8 +134,8 @@ def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> No
     short = too_short(robot, rest_lengths)
     if short.any():
         cable = int(np.argmax(short))
-        radius = robot.cabling.pulley_radius[cable]
-        least = robot.wrapped_lengths[cable] + WRAP_MARGIN * SEGMENTS**2 * radius
+        radius, rigid = robot.cabling.pulley_radius[cable], robot.cabling.least_lengths[cable]
+        least = rigid + robot.wrapped_lengths[cable] + WRAP_MARGIN * SEGMENTS**2 * radius
         raise InvalidInput(
             f"rest_lengths: found {rest_lengths[cable]:g} m in cable {cable + 1}, with mass and over a pulley of "
             f"{radius:g} m, expected at least {least:.3g} m: in MuJoCo its chain's first mass could touch the wheel"
