@@ -826,7 +826,7 @@ def _workspace_hull(at: Case) -> Judge:
 
 # Proofs.
 
-UNPROVED = {"frame": "proof does not take it into account"}
+UNPROVED = {"frame": "proof( of completeness)? does not take it into account"}
 
 
 @row("certify", refuses=NO_MEMORY | UNPROVED, few=6)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.compiling import for_kernels, inline
@@ -135,23 +135,12 @@ def wheel_paths(
 
     It has none either where its rigid end would lie on the wheel.
     """
-    *found, clear = _over_wheels(cabling, np.stack([x, y, z]))
-    return np.where(_bends(cabling, found[4], clear), np.array(found), np.nan)
-
-
-def _bends(
-    cabling: Cabling, free: Float[np.ndarray, "*batch pulleys"], clear: Float[np.ndarray, "*batch pulleys"]
-) -> Bool[np.ndarray, "*batch pulleys"]:
-    """Which cables lie on their wheels, with their rigid ends in the free piece."""
-    return (clear >= 0) & (free > cabling.rigid_length[cabling.pulleys])
-
-
-def _over_wheels(cabling: Cabling, chords: Float[np.ndarray, "3 *batch pulleys"]) -> tuple[np.ndarray, ...]:
-    """Results of ``pulley_path`` for each cable over a pulley."""
-    over, (x, y, z) = cabling.pulleys, chords
+    over = cabling.pulleys
     ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        return pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+        *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+    bends = (clear >= 0) & (found[4] > cabling.rigid_length[over])
+    return np.where(bends, np.array(found), np.nan)
 
 
 def wrapped_lengths(
@@ -254,8 +243,8 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
         return ""
     cable = int(np.argmax(lost))
     axis, radius, rigid = cabling.pulley_axis[cable], cabling.pulley_radius[cable], cabling.rigid_length[cable]
-    over = np.flatnonzero(cabling.pulleys)
-    found = [one[over.searchsorted(cable)] for one in _over_wheels(cabling, chords[over].T)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = pulley_path(*chords[cable], *axis, float(radius))  # pyright: ignore[reportCallIssue]
     if found[-1] >= 0 and np.isfinite(found[4]):
         return (
             f"the rigid end of cable {cable + 1} on its pulley's wheel, {found[4]:.3g} m from the anchor, expected a "
@@ -312,7 +301,7 @@ def lengths(
     if over.any():
         rows = np.array(coordinates)[..., over].reshape(3, -1, over.sum())
         for first in range(0, rows.shape[1], PIECE):
-            length, _, _, _, free, *_, clear = _over_wheels(cabling, rows[:, first : first + PIECE])
-            rows[0, first : first + PIECE] = np.where(_bends(cabling, free, clear), length, np.nan)
+            piece = rows[:, first : first + PIECE]
+            piece[0] = wheel_paths(cabling, *piece)[0]
         found[..., over] = rows[0].reshape(*found.shape[:-1], -1)
     return found

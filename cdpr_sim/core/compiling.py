@@ -121,22 +121,16 @@ def lent(array):
 
 def _compile_lent() -> None:
     import numba
-    from numba import extending
+    from numba.extending import overload
 
-    public: Any = vars(numba) | vars(extending)
-    carray, voidptr = public["carray"], public["types"].voidptr
-
-    @public["intrinsic"]
-    def pointer(_, address):  # the example of Numba's manual
-        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
-
-        return voidptr(address), code
+    public: Any = vars(numba)
+    carray = public["carray"]
+    pointer = public["njit"]("voidptr(voidptr)")(lambda address: address)  # Numba converts an array's address to it
 
     def at_its_address(array: Any) -> Callable:
-        return lambda array: carray(pointer(array.ctypes.data), array.shape, array.dtype)
+        return lambda array: carray(pointer(array.ctypes), array.shape, array.dtype)
 
-    public["overload"](lent, strict=False)(at_its_address)
+    overload(lent, strict=False)(at_its_address)
 
 
 _called_by_kernels.append(_compile_lent)

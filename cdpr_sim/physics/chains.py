@@ -112,17 +112,15 @@ def first_stiffness(root: ET.Element, cable: int) -> float:
     return 0.0 if first is None else float(first.get("stiffness", "0").split()[0])
 
 
+def least_lengths(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """Rest lengths from which the first mass of a chain does not touch its wheel [m]."""
+    cabling = robot.cabling
+    return cabling.least_lengths + robot.wrapped_lengths + WRAP_MARGIN * SEGMENTS**2 * cabling.pulley_radius
+
+
 def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
     """Which chains are so short for their wheels that the first mass might touch them."""
-    cabling = robot.cabling
-    first = (Law.of(cabling).ropes(rest_lengths) - robot.wrapped_lengths) / SEGMENTS**2
-    return cabling.with_mass & cabling.pulleys & (first < WRAP_MARGIN * cabling.pulley_radius)
-
-
-def ample(robot: Robot) -> Float[np.ndarray, " cables"]:
-    """Rest lengths with which no chain is ``too_short`` [m]."""
-    cabling = robot.cabling
-    return cabling.least_lengths + robot.wrapped_lengths + (1.0 + SEGMENTS**2 * cabling.pulley_radius)
+    return robot.cabling.with_mass & robot.cabling.pulleys & (rest_lengths < least_lengths(robot))
 
 
 def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
@@ -134,11 +132,10 @@ def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> No
     short = too_short(robot, rest_lengths)
     if short.any():
         cable = int(np.argmax(short))
-        radius, rigid = robot.cabling.pulley_radius[cable], robot.cabling.least_lengths[cable]
-        least = rigid + robot.wrapped_lengths[cable] + WRAP_MARGIN * SEGMENTS**2 * radius
         raise InvalidInput(
             f"rest_lengths: found {rest_lengths[cable]:g} m in cable {cable + 1}, with mass and over a pulley of "
-            f"{radius:g} m, expected at least {least:.3g} m: in MuJoCo its chain's first mass could touch the wheel"
+            f"{robot.cabling.pulley_radius[cable]:g} m, expected at least {least_lengths(robot)[cable]:.3g} m: in "
+            "MuJoCo its chain's first mass could touch the wheel"
         )
 
 

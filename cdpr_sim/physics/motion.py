@@ -43,6 +43,7 @@ from cdpr_sim.physics.chains import ChainDivision, cut, plucked
 from cdpr_sim.physics.exits import STEPS, MovingExits
 from cdpr_sim.physics.rope_motion import RopeMotion, RopeState
 from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
+from cdpr_sim.physics.tendons import jacobian
 
 CHAINS = 0.6
 """θ of motions on chains: above a half, so that oscillations of their masses that the steps do not resolve decay to two
@@ -139,8 +140,7 @@ class Motion:
         self._options = model.opt
         self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
         self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
-        self._dense, self._outdated = np.zeros((model.ntendon, model.nv)), False
-        self._entries = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind
+        self._dense: Float[np.ndarray, "tendons dofs"] | None = None
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
         self._stiffness, self._further = simulation.stiffnesses[row].copy(), simulation.further[row].copy()
         self._bands, self._wound = simulation.bands[row, :, 1].copy(), self.let_out if simulation.given else None
@@ -252,13 +252,13 @@ class Motion:
         elif len(swivels):
             swivels.face(model, data)
         mujoco.mj_fwdPosition(model, data)
-        self._outdated = True
+        self._dense = None
 
     @property
     def _jacobian(self) -> Float[np.ndarray, "tendons dofs"]:
         """Rates of the tendons' lengths by velocities, at the present positions."""
-        if self._outdated:
-            self._dense[self._entries], self._outdated = self._sparse, False
+        if self._dense is None:
+            self._dense = jacobian(self.model, self._sparse)
         return self._dense
 
     def _let_out(self, lengths: Float[np.ndarray, " cables"], step: float) -> None:

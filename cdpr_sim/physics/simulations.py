@@ -32,12 +32,12 @@ from cdpr_sim.physics.chains import (
     STRAIGHT,
     ChainDivision,
     Chains,
-    ample,
     cut,
     divisions,
     ends_of,
     expected_pulls,
     hang,
+    least_lengths,
     profiles,
     straight,
 )
@@ -808,7 +808,7 @@ Indices = tuple[mujoco.MjModel, Chains, pulleys.Swivels, Float[np.ndarray, "bodi
 def _generated(robot: Robot, sinks: bool) -> Indices:
     """``_prepared`` of the generated model: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, ample(robot)))
+    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, 1.0 + least_lengths(robot)))
     if sinks:
         add_elements(spec, robot.cabling)
         spec.memory = ARENA

@@ -257,7 +257,6 @@ def refuse_unsearchable(problem: Problem) -> None:
     """
     extras.require("proof", "certify_all")
     problem.robot.cabling.refuse_memory()
-    problem.robot.cabling.refuse_unknown("proof")
     problem.robot.cabling.refuse_unknown("proof of completeness", "certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput(

@@ -42,7 +42,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         "axial_stiffness": ["" if one else _numbers(own) for one, own in zip(made, robot.axial_stiffness, strict=True)],
     }
     texts |= {one.name: _texts(one, getattr(cabling, one.name)) for one in OF_ALL if cabling.has(one.name).any()}
-    for name in OF_MATERIAL[1:]:
+    for name in OF_MATERIAL[1:]:  # the axial stiffness is above
         text = "" if PROPERTIES[name].limit else '"material"'
         names = robot.from_material.get(name, (None,) * robot.cables)
         for cable, one in enumerate(made):

@@ -39,13 +39,14 @@ of the largest stretch; the softest stiffness as a fraction of the stiffest."""
 CABLE_FIELDS = ("exits", "anchors", "axial_stiffness", "linear_density", "pulley_radius", "pulley_axis", "stiffening")
 """Fields of ``Cabling`` in a file; force limits are not needed."""
 
+DRIVE_LINE = ("winch_to_exit", "reeving")
+"""Further ones, of robots that have some."""
+
 
 def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
     """A problem in the format of its file."""
     robot, cabling = problem.robot, problem.robot.cabling
-    names = CABLE_FIELDS + (
-        ("winch_to_exit", "reeving") if (cabling.behind > 0).any() or (cabling.reeving > 1).any() else ()
-    )
+    names = CABLE_FIELDS + (DRIVE_LINE if any(cabling.has(name).any() for name in DRIVE_LINE) else ())
     fields = {field: getattr(cabling, field).tolist() for field in names}
     fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
     fields |= {"gravity": robot.gravity, "mobility": robot.mobility}
