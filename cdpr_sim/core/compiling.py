@@ -171,7 +171,7 @@ class Compiled:
             signature: in Numba's notation: "void(int64, float64[::1])".
             options: of ``numba.njit``.
         """
-        self._what, self._function, self._signature, self._options = what, function, signature, options
+        self._what, self.function, self._signature, self._options = what, function, signature, options
         self.folder = re.sub(r"[^a-z]+", "_", what)
         self._compiled: Any = None
 
@@ -183,7 +183,7 @@ class Compiled:
             CdprError: this process can compile nothing: it was forked while another thread imported Numba.
         """
         if INTERPRETED:
-            return self._function
+            return self.function
         if self._compiled is None:
             import_numba()
             _uninterrupted(functools.partial(holding, _threads, self._fetch))
@@ -211,12 +211,12 @@ class Compiled:
 
         config: Any = vars(numba)["config"]
         if config.DISABLE_JIT:
-            return self._function
+            return self.function
         ours = {"CACHE_DIR": str(kept or ""), "CACHE_LOCATOR_CLASSES": ""}
         theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
         try:
             vars(config).update(ours)
-            code: Any = numba.njit(cache=kept is not None, **self._options)(self._function)
+            code: Any = numba.njit(cache=kept is not None, **self._options)(self.function)
         finally:
             vars(config).update(theirs)
         late = "cdpr_sim still loads its %s, or compiles it anew: up to a minute"
@@ -237,19 +237,46 @@ class Compiled:
         return code
 
 
+class Called(Compiled):
+    """A function that compiled kernels call by its address (Numba's first-class functions): compiled once for all."""
+
+    def __init__(self, what: str, function: Callable, signature: str) -> None:
+        """Stores the arguments as ``Compiled`` does."""
+        super().__init__(what, function, signature, error_model="numpy")
+
+    @functools.cached_property
+    def absent(self) -> Any:
+        """What a kernel gets in place of the machine code where it does not call it: an address of nothing."""
+        import numba
+
+        types: Any = vars(numba)["types"]
+        signature = eval(self._signature, vars(types))  # as Numba does itself
+
+        class Absent(types.WrapperAddressProtocol):
+            def __wrapper_address__(self) -> int:
+                return -1
+
+            def signature(self) -> Any:
+                return signature
+
+        return Absent()
+
+
 class Kernel(Compiled):
     """A function of many elements at once, which broadcasts and releases Python's lock.
 
-    Its Python function gets all inputs, each with two axes of elements (rows, columns), a scratch array, and the
-    results, which have these axes, too, and which it fills in. The numbers of one element are contiguous.
+    Its Python function gets all inputs, each with two axes of elements (rows, columns), what it ``calls``, if anything,
+    a scratch array, and the results, which have these axes, too, and which it fills in. The numbers of one element are
+    contiguous.
 
     Attributes:
         axes: number of axes that each input has for one element.
     """
 
     def __init__(
-        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (), alike: tuple[str, ...] = ()
-    ) -> None:
+        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (), alike: tuple[str, ...] = (),
+        calls: Called | None = None,
+    ) -> None:  # fmt: skip
         """Stores the arguments; nothing is compiled yet.
 
         Args:
@@ -258,8 +285,11 @@ class Kernel(Compiled):
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
             alike: names of inputs that are the same for all elements; the function takes them without axes of elements.
+            calls: what the function calls by its address, the argument before ``scratch``.
         """
-        names = [name for name in inspect.signature(function).parameters if name != "scratch"]
+        names = list(inspect.signature(function).parameters)
+        before = names.index("scratch")
+        del names[before - (calls is not None) : before + 1]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         kinds = [np.dtype("int64" if name in integers else "float64") for name in names]
         arguments = [(kind, dims, name in alike) for name, kind, dims in zip(names, kinds, core, strict=True)]
@@ -270,12 +300,18 @@ class Kernel(Compiled):
         for kind, dims, same in self._inputs:
             axes = len(dims) + 2 * (not same)
             types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else str(kind))
+        self._calls = calls
+        if calls:
+            types.append(f"FunctionType({calls._signature})")
         types.append("float64[::1]")
         types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims, _ in self._results]
         super().__init__(what, function, f"void({', '.join(types)})", error_model="numpy", nogil=True)
 
-    def __call__(self, *inputs: Any) -> Any:
-        """Evaluate each element: interpreted for the first few, else compiled."""
+    def __call__(self, *inputs: Any, calling: bool = False) -> Any:
+        """Evaluate each element: interpreted for the first few, else compiled.
+
+        With ``calling``, what it ``calls`` is compiled, too; without, it must not be called.
+        """
         arrays, shapes, sizes, given = [], set(), {}, []
         for value, (kind, dims, same) in zip(inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
@@ -303,9 +339,12 @@ class Kernel(Compiled):
         count = math.prod(loop)
         if INTERPRETED or (self._compiled is None and count <= self._left):
             self._left -= count
-            code = self._function
+            code = self.function
         else:
             code = self.compiled
+        if self._calls:
+            compiled = code is not self.function
+            given.append((self._calls.compiled if calling else self._calls.absent) if compiled else self._calls.function)
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]

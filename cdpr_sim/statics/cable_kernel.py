@@ -9,7 +9,8 @@ that of cable i.
 The *kind* of the cables is a number, by which whole loops are skipped: PLAIN cables are straight and linear; BENT ones,
 some of them, run over pulleys or have nonlinear laws; those WITH_MEMORY have laws of ``memory_kernel``; SAGGING ones,
 some of them, have mass. SAGGING cables are no springs along their paths: they have pulls and stiffness matrices
-(``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1.
+(``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1. The last two kinds are computed by
+``OTHERS``, which kernels call by its address: it is as long as all else, and most robots have no such cables.
 
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
@@ -22,7 +23,7 @@ import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
-from cdpr_sim.core.compiling import STRIDE, inline, outlined
+from cdpr_sim.core.compiling import STRIDE, Called, inline, outlined
 from cdpr_sim.statics.any_cable import added, any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
 
@@ -45,7 +46,8 @@ CX, CY, CZ, BEND, CLEAR = range(10 * STRIDE, 15 * STRIDE, STRIDE)
 """State of cables that are not plain: across, bend and clear of ``cable_path.pulley_path``, 0 without a wheel."""
 
 PX, PY, PZ, XX, XY, YY, XZ, YZ, ZZ, ENERGY, TENSION = range(15 * STRIDE, 26 * STRIDE, STRIDE)
-"""State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, and tension at the anchors."""
+"""State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, also of those with a memory, and tension
+at the anchors."""
 
 DATA_ROWS, STATE_ROWS = 15 + LAW, 26
 
@@ -92,8 +94,8 @@ def load_lengths(d, rest_lengths):
 
 
 @inline
-def measure(d, table, kind, p, R, s):
-    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9)."""
+def measure(d, table, kind, others, p, R, s):
+    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is the code of ``OTHERS``."""
     m = len(table)
     px, py, pz = p[0], p[1], p[2]
     xx, xy, xz, yx, yy, yz, zx, zy, zz = (
@@ -111,7 +113,7 @@ def measure(d, table, kind, p, R, s):
     if kind == PLAIN:
         return
     if kind == SAGGING:
-        _measure_sagging(d, table, px, py, pz, s)
+        others(d, table, kind, px, py, pz, s)
         return
     wheels = 0.0
     for i in range(m):
@@ -132,35 +134,43 @@ def measure(d, table, kind, p, R, s):
             s[CX + i], s[CY + i], s[CZ + i] = cx if over else 0.0, cy if over else 0.0, cz if over else 0.0
             s[BEND + i], s[CLEAR + i] = bend if over else 0.0, clear if over else 0.0
     if kind == WITH_MEMORY:
-        for i in range(m):
-            s[K + i], s[E + i], _ = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
+        others(d, table, kind, px, py, pz, s)
         return
     for i in range(m):
         s[K + i], s[E + i] = cable_law.tangent(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
 
 
-@outlined
-def _measure_sagging(d, table, px, py, pz, s):
+def measure_others(d, table, kind, px, py, pz, s):
+    """Fill in the state of cables WITH_MEMORY, whose paths are known, or SAGGING, with the platform's origin at p."""
     for i in range(len(table)):
+        cable, row = cable_of(table[i], d[L0 + i]), table[i, COLUMNS:]
+        if kind == WITH_MEMORY:
+            s[K + i], s[E + i], work = memory_spring(s[L + i] - d[L0 + i], cable.rope, cable.behind, cable.law, row)
+            s[ENERGY + i] = 0.0 if s[E + i] <= 0.0 else work
+            continue
         x, y, z = px + s[RX + i] - d[AX + i], py + s[RY + i] - d[AY + i], pz + s[RZ + i] - d[AZ + i]
         (
             s[PX + i], s[PY + i], s[PZ + i], s[XX + i], s[XY + i], s[YY + i], s[XZ + i], s[YZ + i], s[ZZ + i],
             s[ENERGY + i], _, s[TENSION + i], s[L + i], s[CLEAR + i],
-        ) = any_cable(x, y, z, cable_of(table[i], d[L0 + i]), table[i, COLUMNS:])  # fmt: skip
+        ) = any_cable(x, y, z, cable, row)  # fmt: skip
         s[K + i], s[E + i] = 0.0, -1.0
 
 
-@outlined
-def _memory_spring(d, table, i, stretch):
-    """The tangent spring of cable i with a memory, and its energy."""
-    cable = cable_of(table[i], d[L0 + i])
-    return memory_spring(stretch, cable.rope, cable.behind, cable.law, table[i, COLUMNS:])
+OTHERS = Called(
+    "cables with mass or memory", measure_others,
+    "void(float64[::1], Array(float64, 2, 'A', readonly=True), int64, float64, float64, float64, float64[::1])",
+)  # fmt: skip
+
+
+def needs_others(table, heavy):
+    """Whether cables of this table have a memory, or mass that counts (``heavy``)."""
+    return bool(heavy) or table.shape[-1] > COLUMNS
 
 
 @inline
-def energy(d, table, kind, s):
+def energy(d, m, kind, s):
     """Energy of the cables; nan without a path, which no step may lead to."""
-    m, total = len(table), 0.0
+    total = 0.0
     if kind == PLAIN:
         for i in range(m):
             stretch = max(s[E + i], 0.0)
@@ -170,11 +180,6 @@ def energy(d, table, kind, s):
             # A slack cable's may be 0 times infinity.
             own = cable_law.energy(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
             total += 0.0 if s[E + i] <= 0.0 else own
-    elif kind == WITH_MEMORY:
-        for i in range(m):
-            if not s[E + i] <= 0.0:
-                _, _, own = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
-                total += own
     else:
         for i in range(m):
             total += s[ENERGY + i]

@@ -25,6 +25,7 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
+from cdpr_sim.statics.cable_kernel import needs_others
 from cdpr_sim.statics.gufuncs import EQUILIBRIA, STIFFNESSES
 from cdpr_sim.statics.memory_law import MemoryLaw
 
@@ -201,12 +202,12 @@ def stiffness_of(
         table: that of ``MemoryLaw``; by default the table of elastic cables.
     """
     problems, robot = equilibria.problems, equilibria.robot
-    table = problems.cable_table() if table is None else table
+    table, heavy = problems.cable_table() if table is None else table, not robot.cabling.springs
     with np.errstate(all="ignore"):
         return STIFFNESSES(
             table, problems.rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
-            np.array(robot.free), problems.characteristic_length, int(not robot.cabling.springs),
-            equilibria.positions, equilibria.rotations,
+            np.array(robot.free), problems.characteristic_length, int(heavy), equilibria.positions,
+            equilibria.rotations, calling=needs_others(table, heavy),
         )  # fmt: skip
 
 
@@ -240,15 +241,16 @@ def solve_table(
     massless cables. ``table`` is that of the problem, or of ``MemoryLaw``.
     """
     robot, cabling, free = problem.robot, problem.robot.cabling, np.zeros(6)
+    heavy = not cabling.springs
     free[robot.free] = 1.0
     given = (
         table, problem.rest_lengths, problem.mass * robot.gravity, problem.center_of_mass, problem.external_wrench,
-        free, problem.characteristic_length, int(not cabling.springs), positions, rotations,
+        free, problem.characteristic_length, int(heavy), positions, rotations,
     )  # fmt: skip
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
         with np.errstate(all="ignore"):
-            return tuple(map(np.asarray, EQUILIBRIA(*given)))
+            return tuple(map(np.asarray, EQUILIBRIA(*given, calling=needs_others(table, heavy))))
 
     at, turned, lengths, pulls, residuals, iterations, status = on_threads(
         solved, given, EQUILIBRIA.axes, threads, compiling.PIECE

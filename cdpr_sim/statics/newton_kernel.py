@@ -30,6 +30,7 @@ coordinates are lengths.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -101,13 +102,14 @@ SERIES = 1.0
 class Case(NamedTuple):
     """Data of one problem.
 
-    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; free: 1 where the
-    platform moves; scale: length of rotations.
+    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; others: the code
+    of ``cable_kernel.OTHERS``; free: 1 where the platform moves; scale: length of rotations.
     """
 
     d: np.ndarray
     table: np.ndarray
     kind: int
+    others: Callable
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -148,8 +150,8 @@ class Scales(NamedTuple):
 
 
 def solve_all(
-    table, rest_lengths, weight, center_of_mass, wrench, free, scale, heavy, start_position, start_rotation, scratch,
-    position, rotation, lengths, tensions, residual, iterations, status,
+    table, rest_lengths, weight, center_of_mass, wrench, free, scale, heavy, start_position, start_rotation, others,
+    scratch, position, rotation, lengths, tensions, residual, iterations, status,
 ):  # fmt: skip
     """Equilibria of (rows, columns) of problems, one after another; the arguments are those of ``gufuncs``."""
     rows, columns, m = rest_lengths.shape
@@ -165,8 +167,8 @@ def solve_all(
             iterations[i, j] = 0
             for stage in range(1 + heavy):
                 case = Case(
-                    d, lent(table[i, j]), SAGGING if stage == 1 else kind, weight[i, j], lent(center_of_mass[i, j]),
-                    lent(wrench[i, j]), lent(free), scale[i, j],
+                    d, lent(table[i, j]), SAGGING if stage == 1 else kind, others, weight[i, j],
+                    lent(center_of_mass[i, j]), lent(wrench[i, j]), lent(free), scale[i, j],
                 )  # fmt: skip
                 copy_pose(position[i, j], rotation[i, j], here.p, here.R)
                 V = measure(case, here)
@@ -390,10 +392,10 @@ def measure(case, at):
     """
     weight, com, wrench = case.weight, case.com, case.wrench
     p, R = at.p, at.R
-    ck.measure(case.d, case.table, case.kind, p, R, at.s)
+    ck.measure(case.d, case.table, case.kind, case.others, p, R, at.s)
     V = weight * (p[2] + R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2])
     V -= wrench[0] * p[0] + wrench[1] * p[1] + wrench[2] * p[2]
-    return V + ck.energy(case.d, case.table, case.kind, at.s)
+    return V + ck.energy(case.d, len(case.table), case.kind, at.s)
 
 
 @inline
