@@ -443,18 +443,14 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
 # --- several cables at once ---------------------------------------------------------------------------------------
 
 
-@compiling.outlined
-def others(d, table, kind, px, py, pz, s):
-    """No cable has mass or a memory."""
-
-
 def geometry(d, table, p, R, s, w, m):
-    cable_kernel.measure(d, table, cable_kernel.PLAIN, others, p, R, s)
+    cable_kernel.measure_paths(d, m, cable_kernel.PLAIN, p, R, s)
     cable_kernel.fill_jacobian(s, 1.0, m, w)
 
 
 def pulleys_and_laws(d, table, p, R, s, w, m):
-    cable_kernel.measure(d, table, cable_kernel.BENT, others, p, R, s)
+    cable_kernel.measure_paths(d, m, cable_kernel.BENT, p, R, s)
+    cable_kernel.fill_springs(d, m, s)
 
 
 def with_a_branch(d, table, p, R, s, w, m):

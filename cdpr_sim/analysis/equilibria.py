@@ -396,8 +396,8 @@ def _roots(
     heavy = not robot.cabling.springs
     with np.errstate(all="ignore"):
         positions, rotations, left = ROOTS(
-            table, problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
-            free, robot.characteristic_length, int(heavy), 1e-3 * BALANCED * problem.load, damping, positions, rotations,
+            table, problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench, free,
+            robot.characteristic_length, int(heavy), 1e-3 * BALANCED * problem.load, damping, positions, rotations,
             calling=needs_others(table, heavy),
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load

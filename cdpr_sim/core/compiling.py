@@ -27,8 +27,8 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -212,13 +212,6 @@ class Compiled:
         config: Any = vars(numba)["config"]
         if config.DISABLE_JIT:
             return self.function
-        ours = {"CACHE_DIR": str(kept or ""), "CACHE_LOCATOR_CLASSES": ""}
-        theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
-        try:
-            vars(config).update(ours)
-            code: Any = numba.njit(cache=kept is not None, **self._options)(self.function)
-        finally:
-            vars(config).update(theirs)
         late = "cdpr_sim still loads its %s, or compiles it anew: up to a minute"
         later = threading.Timer(LOADING, _log.warning, (late, self._what))
         if kept and any(kept.glob("*/*.nbc")):
@@ -226,48 +219,90 @@ class Compiled:
         else:
             _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)
         try:
+            return self._made(numba, kept)
+        finally:
+            later.cancel()
+
+    def _made(self, numba: Any, kept: Path | None) -> Any:
+        with _keeping(numba.config, kept):
+            code = numba.njit(cache=kept is not None, **self._options)(self.function)
+        try:
             code.compile(self._signature)
         except OSError as error:
             if not code.signatures:
                 raise
-            _log.warning("cdpr_sim: the compiled code cannot be kept in %s: %s", kept, error.strerror or error)
-        finally:
-            later.cancel()
+            self._not_kept(kept, error)
         code.disable_compile()  # for other types of arguments
         return code
 
+    def _not_kept(self, kept: Path | None, error: OSError) -> None:
+        _log.warning("cdpr_sim: the compiled code cannot be kept in %s: %s", kept, error.strerror or error)
+
+
+@contextmanager
+def _keeping(config: Any, folder: Path | None) -> Iterator[None]:
+    """Within it, Numba keeps what is decorated in this folder."""
+    ours = {"CACHE_DIR": str(folder or ""), "CACHE_LOCATOR_CLASSES": ""}
+    theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
+    try:
+        vars(config).update(ours)
+        yield
+    finally:
+        vars(config).update(theirs)
+
 
 class Called(Compiled):
-    """A function that compiled kernels call by its address (Numba's first-class functions): compiled once for all."""
+    """A function without a result that kernels call by its address, so that it is compiled once for all of them.
+
+    And not before one of them needs it. In kernels, it is called by ``call(address, *arguments)``.
+    """
 
     def __init__(self, what: str, function: Callable, signature: str) -> None:
         """Stores the arguments as ``Compiled`` does."""
         super().__init__(what, function, signature, error_model="numpy")
 
-    @functools.cached_property
-    def absent(self) -> Any:
-        """What a kernel gets in place of the machine code where it does not call it: an address of nothing."""
-        import numba
+        def call(address: Callable, *arguments: Any) -> None:
+            address(*arguments)
 
-        types: Any = vars(numba)["types"]
-        signature = eval(self._signature, vars(types))  # as Numba does itself
+        def compile() -> None:
+            import numba
+            from numba.extending import intrinsic, overload
 
-        class Absent(types.WrapperAddressProtocol):
-            def __wrapper_address__(self) -> int:
-                return -1
+            types: Any = vars(numba)["types"]
+            given = eval(signature, vars(types)).args  # as Numba does itself
+            pointer = types.FunctionType(types.void(*given)).ftype
 
-            def signature(self) -> Any:
-                return signature
+            def by_address(typing: Any, address: Any, arguments: Any) -> Any:
+                def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+                    function = builder.inttoptr(values[0], context.get_value_type(pointer))
+                    builder.call(function, [builder.extract_value(values[1], i) for i in range(len(given))])
+                    return context.get_dummy_value()
 
-        return Absent()
+                return types.void(types.int64, types.Tuple(given)), generate
+
+            code = intrinsic(by_address)
+            overload(call, strict=False)(
+                lambda address, *arguments: lambda address, *arguments: code(address, arguments)
+            )
+
+        self.call = call
+        _called_by_kernels.append(compile)
+
+    def _made(self, numba: Any, kept: Path | None) -> Any:
+        with _keeping(numba.config, kept):
+            try:
+                return numba.cfunc(self._signature, cache=kept is not None, **self._options)(self.function)
+            except OSError as error:
+                self._not_kept(kept, error)
+                return numba.cfunc(self._signature, **self._options)(self.function)
 
 
 class Kernel(Compiled):
     """A function of many elements at once, which broadcasts and releases Python's lock.
 
-    Its Python function gets all inputs, each with two axes of elements (rows, columns), what it ``calls``, if anything,
-    a scratch array, and the results, which have these axes, too, and which it fills in. The numbers of one element are
-    contiguous.
+    Its Python function gets all inputs, each with two axes of elements (rows, columns), the address of what it
+    ``calls``, if anything, a scratch array, and the results, which have these axes, too, and which it fills in. The
+    numbers of one element are contiguous.
 
     Attributes:
         axes: number of axes that each input has for one element.
@@ -285,7 +320,7 @@ class Kernel(Compiled):
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
             alike: names of inputs that are the same for all elements; the function takes them without axes of elements.
-            calls: what the function calls by its address, the argument before ``scratch``.
+            calls: what the function calls; its address is the argument before ``scratch``.
         """
         names = list(inspect.signature(function).parameters)
         before = names.index("scratch")
@@ -301,9 +336,7 @@ class Kernel(Compiled):
             axes = len(dims) + 2 * (not same)
             types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else str(kind))
         self._calls = calls
-        if calls:
-            types.append(f"FunctionType({calls._signature})")
-        types.append("float64[::1]")
+        types += ["int64"] * (calls is not None) + ["float64[::1]"]
         types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims, _ in self._results]
         super().__init__(what, function, f"void({', '.join(types)})", error_model="numpy", nogil=True)
 
@@ -344,7 +377,9 @@ class Kernel(Compiled):
             code = self.compiled
         if self._calls:
             compiled = code is not self.function
-            given.append((self._calls.compiled if calling else self._calls.absent) if compiled else self._calls.function)
+            given.append(
+                (self._calls.compiled if calling else self._calls.absent) if compiled else self._calls.function
+            )
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]

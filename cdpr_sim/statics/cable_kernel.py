@@ -95,8 +95,17 @@ def load_lengths(d, rest_lengths):
 
 @inline
 def measure(d, table, kind, others, p, R, s):
-    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is the code of ``OTHERS``."""
-    m = len(table)
+    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is where ``OTHERS`` are."""
+    measure_paths(d, len(table), kind, p, R, s)
+    if kind == BENT:
+        fill_springs(d, len(table), s)
+    elif kind != PLAIN:
+        call_others(others, d, table, kind, p[0], p[1], p[2], s)
+
+
+@inline
+def measure_paths(d, m, kind, p, R, s):
+    """Fill in their paths, of PLAIN ones also the springs; of SAGGING ones, the arms are all that counts."""
     px, py, pz = p[0], p[1], p[2]
     xx, xy, xz, yx, yy, yz, zx, zy, zz = (
         R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]
@@ -110,10 +119,7 @@ def measure(d, table, kind, others, p, R, s):
         s[UX + i], s[UY + i], s[UZ + i] = x * inverse, y * inverse, z * inverse
         s[L + i], s[F + i] = length, inverse
         s[K + i], s[E + i] = d[STIFF + i], length - d[L0 + i]
-    if kind == PLAIN:
-        return
-    if kind == SAGGING:
-        others(d, table, kind, px, py, pz, s)
+    if not PLAIN < kind < SAGGING:
         return
     wheels = 0.0
     for i in range(m):
@@ -133,9 +139,11 @@ def measure(d, table, kind, others, p, R, s):
             s[L + i], s[F + i] = length if over else s[L + i], inverse if over else s[F + i]
             s[CX + i], s[CY + i], s[CZ + i] = cx if over else 0.0, cy if over else 0.0, cz if over else 0.0
             s[BEND + i], s[CLEAR + i] = bend if over else 0.0, clear if over else 0.0
-    if kind == WITH_MEMORY:
-        others(d, table, kind, px, py, pz, s)
-        return
+
+
+@inline
+def fill_springs(d, m, s):
+    """Fill in the springs of BENT cables, whose paths are known."""
     for i in range(m):
         s[K + i], s[E + i] = cable_law.tangent(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
 
@@ -160,6 +168,7 @@ OTHERS = Called(
     "cables with mass or memory", measure_others,
     "void(float64[::1], Array(float64, 2, 'A', readonly=True), int64, float64, float64, float64, float64[::1])",
 )  # fmt: skip
+call_others = OTHERS.call
 
 
 def needs_others(table, heavy):
