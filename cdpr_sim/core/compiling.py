@@ -375,11 +375,10 @@ class Kernel(Compiled):
             code = self.function
         else:
             code = self.compiled
-        if self._calls:
-            compiled = code is not self.function
-            given.append(
-                (self._calls.compiled if calling else self._calls.absent) if compiled else self._calls.function
-            )
+        if self._calls and code is self.function:
+            given.append(self._calls.function)
+        elif self._calls:
+            given.append(self._calls.compiled.address if calling else 0)
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]
