@@ -85,6 +85,16 @@ def test_interpreted_and_compiled_answers_are_the_same_to_the_last_bit(catalogue
         np.testing.assert_array_equal(one.reshape(-1, *other.shape), np.broadcast_to(other, (13, *other.shape)))
 
 
+def test_what_massless_elastic_cables_do_not_need_is_not_compiled(catalogue, monkeypatch):
+    """Mass and memory: called by address, for which the solver is the same code."""
+    monkeypatch.setattr(cable_kernel.OTHERS, "_compiled", None)
+    monkeypatch.setattr(cable_kernel.OTHERS, "_fetch", lambda: pytest.fail("it compiles"))
+    robot, count = catalogue["parallel"].replace(**KINDS["pulleys"]), compiling.FEW + 1
+    assert cdpr.solve_many(robot, [robot.home] * count).converged.all()
+    with pytest.raises(pytest.fail.Exception, match="it compiles"):
+        cdpr.solve_many(robot.replace(**KINDS["mass"]), [robot.home] * count)
+
+
 def test_few_answers_need_no_numba_and_many_are_the_same(catalogue, tmp_path):
     """Also over pulleys, and in a process of its own."""
     names, poses = ["parallel", "planar-vertical", "irma4u"], np.random.default_rng(0).uniform(0.3, 0.5, (20, 3))

@@ -421,3 +421,10 @@ def test_unknowns_that_look_alike_are_named_in_one_sentence_for_each_group():
     first, second = (one for one in reasons if "hardly distinguish" in one)
     assert first.startswith("the data hardly distinguish a, b, c, d and e: correlations up to +")
     assert second.startswith("the data hardly distinguish f and g: correlation -1.0000")
+
+
+@pytest.mark.parametrize("error", [1e-300, 1e300])
+def test_standard_errors_whose_squares_are_no_numbers_are_refused(error):
+    """In one sentence, without a warning of NumPy's."""
+    with pytest.raises(cdpr.InvalidInput, match=r"^position_error: found 1e[+-]300 m, expected 1e-30 to 1e\+30$"):
+        cdpr.identify(ROBOT, measured(2, "xyz"), position_error=error)

@@ -57,6 +57,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 
+LARGEST_ERROR = 1e30
+"""Largest standard error that is taken, and the inverse of the least: their squares are numbers, and so are those of
+residuals over them."""
+
 REWEIGHTINGS = 20
 """Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
 
@@ -321,7 +325,9 @@ def identify(
     )  # fmt: skip
     kinds_and_lengths = zip((*KINDS, "rest_length"), given, ("m", "rad", "N", "rad", "Hz", "m", "m"), strict=True)
     stated = {
-        kind: positive(f"{kind}_error", error, unit) for kind, error, unit in kinds_and_lengths if error is not None
+        kind: _standard_error(f"{kind}_error", error, unit)
+        for kind, error, unit in kinds_and_lengths
+        if error is not None
     }
     measured = {kind for i, kind in enumerate(KINDS) if (measurements.known & (measurements.kinds == i)).any()}
     measurements = measurements.with_errors(
@@ -426,6 +432,18 @@ def identify(
         requested=names,
         repeats=np.not_equal(kept[of], np.arange(len(asked))),
     )
+
+
+def _standard_error(field: str, error: float, unit: str) -> float:
+    """A standard error whose square, and that of whose inverse, are numbers.
+
+    Raises:
+        InvalidInput: any other value.
+    """
+    number = positive(field, error, unit)
+    if not 1 / LARGEST_ERROR <= number <= LARGEST_ERROR:
+        raise InvalidInput(f"{field}: found {number:g} {unit}, expected {1 / LARGEST_ERROR:g} to {LARGEST_ERROR:g}")
+    return number
 
 
 def _from_lengths(

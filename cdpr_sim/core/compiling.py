@@ -280,7 +280,7 @@ class Called(Compiled):
 
                 return types.void(types.int64, types.Tuple(given)), generate
 
-            code = intrinsic(by_address)
+            code: Any = intrinsic(by_address)
             overload(call, strict=False)(
                 lambda address, *arguments: lambda address, *arguments: code(address, arguments)
             )
