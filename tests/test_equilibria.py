@@ -99,17 +99,6 @@ def test_the_lowest_energy_is_not_where_the_robot_goes(catalogue):
     assert found.nearest(by_mujoco.pose) == (index, pytest.approx(0, abs=SAME))
 
 
-@pytest.mark.parametrize("density", [0.0, 0.002])
-@pytest.mark.parametrize(("name", "pose"), [("parallel", (0.2, 0.22, 0.1)), ("planar-vertical", (0.17, 0, 0.1))])
-def test_following_and_growing_gravity_end_at_the_same_place(catalogue, name, pose, density):
-    """Where cables go slack on the way and the platform moves centimetres, with and without cable mass."""
-    robot = catalogue[name].replace(linear_density=density)
-    followed = cdpr.follow_load(robot, pose)
-    assert followed.loads[-1] == 1
-    assert followed.reached.stable
-    assert cdpr.compare(followed.reached, cdpr.grow_gravity(robot, pose)).agrees
-
-
 def test_following_says_where_an_equilibrium_ceases_to_be(catalogue):
     """Turned over on soft cables, the platform falls out of its place at some load; MuJoCo falls to the same one.
 

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.cable_curves import with_moved_exits
@@ -41,41 +40,6 @@ def test_a_mass_on_a_plumb_cable_sinks_by_the_stretch_and_the_frames_own(solve):
     assert sunk(solve, (1e-4, 2e-4, 3.03e-3)) != pytest.approx(expected, abs=EXACT)
 
 
-def mirrored(compliance: float) -> tuple[cdpr.Robot, float]:
-    """A point on two cables of 2 m from exits 3 m apart that move sideways; and its height by the balance of one.
-
-    A cable of the tension T at the angle a below the level: 2 T sin(a) = m g, (l + c T) cos(a) = 1.5 m.
-    """
-
-    def missed(tension: float) -> float:
-        sine = MASS * G / (2 * tension)
-        return (2.0 * (1 + tension / EA) + compliance * tension) * np.sqrt(1 - sine**2) - 1.5
-
-    tension = brentq(missed, MASS * G / 2 * (1 + 1e-12), 100 * MASS * G, xtol=1e-14, rtol=1e-15)
-    height = 3.0 - 2.0 * (1 + tension / EA) * MASS * G / (2 * tension)
-    exits = [(-1.5, 0, 3), (1.5, 0, 3)]
-    return hung(exits, np.zeros((2, 3)), exit_compliance=(compliance, 0, 0), mobility="planar"), height
-
-
-@pytest.mark.parametrize("compliance", [1e-4, 2e-3, 3e-2])
-def test_two_mirrored_cables_draw_their_exits_together(solve, compliance):
-    """The height at rest is that of the one equation in one unknown; with a hundredth more compliance it is not."""
-    robot, height = mirrored(compliance)
-    for factor in (1.0, 1.01):
-        found = solve(robot.replace(exit_compliance=(factor * compliance, 0, 0)), (0, 0, 1.6), [2.0, 2.0])
-        assert (found.position[2] == pytest.approx(height, abs=EXACT)) == (factor == 1.0)
-
-
-def test_a_small_compliance_acts_in_proportion(solve):
-    """As it tends to 0, the equilibrium tends to that on a rigid frame."""
-    robot = cdpr.load_robot("cogiro").replace(linear_density=1e-3, pulley_radius=0.01)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    rigid = solve(robot, pose).position
-    small, tenth = (solve(robot.replace(exit_compliance=c), pose).position - rigid for c in (1e-6, 1e-7))
-    assert np.abs(small).max() > 1e2 * EXACT
-    assert np.abs(small - 10 * tenth).max() < 1e-2 * np.abs(small).max()
-
-
 class Lowered:
     """A controller whose winch lets out a millimetre at once."""
 
@@ -110,25 +74,6 @@ def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
     assert abs(found.imag) == pytest.approx(expected.imag, rel=1e-3)
     assert found.real == pytest.approx(expected.real, rel=2e-2)
     assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
-
-
-def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
-    """Stepped, the platform comes to the equilibrium of its lengths; reset there, nothing is unbalanced."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], pulley_radius=0.01)
-    wanted = robot.rest_lengths(np.add(robot.home, [0.03, 0.0, 0.02]))
-    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
-    data = mujoco.MjData(model)
-    data.ctrl = cdpr.winch_controls(robot, robot.home, wanted)
-    mujoco.mj_step(model, data, nstep=round(10 / model.opt.timestep))
-    solved = cdpr.solve(robot, robot.home, wanted)
-    np.testing.assert_allclose(data.body("platform").xpos, solved.position, rtol=0, atol=EXACT)
-    rigid = cdpr.solve(robot.replace(exit_compliance=0), robot.home, wanted)
-    assert np.abs(rigid.position - solved.position).max() > 1e3 * EXACT
-    cdpr.reset(model, data, solved.pose, rest_lengths=wanted)
-    left = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
-    assert np.abs(left).max() < 1e-8 * robot.weight
-    with pytest.raises(cdpr.InvalidInput, match="pretension: found exits that give way"):
-        cdpr.reset(model, data, solved.pose, pretension=1.0)
 
 
 def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():

@@ -123,36 +123,6 @@ def test_extent_is_that_of_a_box(cells, whole):
     assert extent_of(fine & (fine.x <= 0.5)) == pytest.approx(3, abs=0.05)
 
 
-FILE = """
-name = "limited"
-axial_stiffness = 1e4
-force_min = 2
-force_max = 90
-[platform]
-mass = 1
-size = [0.1, 0.1, 0.1]
-[[cables]]
-exit = [-1, 0, 2]
-anchor = [-0.05, 0, 0]
-force_max = 40
-[[cables]]
-exit = [1, 0, 2]
-anchor = [0.05, 0, 0]
-force_min = 0
-"""
-
-
-def test_a_robot_file_says_limits_for_all_cables_or_for_one(tmp_path):
-    """In newtons; what a cable says of its own goes first. A mistake names the file."""
-    file = tmp_path / "limited.toml"
-    file.write_text(FILE)
-    robot = cdpr.load_robot(file)
-    assert (robot.force_min.tolist(), robot.force_max.tolist()) == ([2, 0], [40, 90])
-    file.write_text(FILE.replace("force_max = 40", "force_max = 1"))
-    with pytest.raises(cdpr.RobotFileError, match=r"limited\.toml: force_min: found 2 N above force_max, 1 N"):
-        cdpr.load_robot(file)
-
-
 def test_sweep_and_map_take_wrenches_and_say_volumes(tmp_path):
     """Each workspace's volume, in m³ over a grid and m² in a map; a panel for what holds all the wrenches."""
     run = CliRunner().invoke

@@ -2,8 +2,6 @@
 
 import functools
 import inspect
-import re
-import sys
 
 import numpy as np
 import pytest
@@ -195,27 +193,3 @@ def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypa
     told = CliRunner().invoke(app, ["equilibria", str(file), "--certify"])
     assert told.exit_code == 2
     assert "found linear_density in cable 1" in told.stderr
-
-
-@pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])
-def test_a_files_bad_line_is_named_as_an_editor_counts(tmp_path, cells):
-    """Comments and empty lines count."""
-    path = tmp_path / "poses.csv"
-    head = "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]"
-    path.write_text(f"# by tracker\n\n{head}\n400,250,100,99\n# again\n{cells}\n", encoding="utf-8")
-    with pytest.raises(cdpr.InvalidInput, match="line 6"):
-        cdpr.read_measurements(path)
-
-
-@pytest.mark.parametrize(
-    ("library", "ask", "extra"),
-    [
-        ("flint", lambda: cdpr.certify(cdpr.solve(robot("cogiro"), POSE)), "proof"),
-        ("pymoo", lambda: cdpr.find_front(robot("parallel"), LINE, within=0.1), "design"),
-    ],
-)
-def test_without_a_library_one_sentence_says_what_to_install(monkeypatch, library, ask, extra):
-    """The package is imported without it; only this work needs it."""
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(cdpr.MissingExtra, match=re.escape(f'pip install "cdpr-sim[{extra}]"')):
-        ask()

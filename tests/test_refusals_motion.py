@@ -216,6 +216,7 @@ INVALID = [
     (lambda _: reset((0.9, 0, 0.2), pretension=0), "pretension: found no tensions near 0 N"),
     (lambda _: reset(COGIRO.home, STEEL, False), "massless cables, or those with mass in a model with winches"),
     (lambda _: reset(COGIRO.home, STEEL, pretension=100.0), "pretension: found cables with mass"),
+    (lambda _: reset(COGIRO.home, COGIRO.replace(exit_compliance=1e-5), pretension=1.0), "found exits that give way"),
     (lambda _: cdpr.reset(bare := mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.MjData(bare), (0, 0, 0)),
         "model: found no body 'platform' with cables"),
     # Ropes with a memory.
