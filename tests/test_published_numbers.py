@@ -41,6 +41,9 @@ WIREX_MATRIX = np.array([  # a row per cable: its direction, and its moment abou
 WIREX_LENGTHS = np.array([2.5882812830138846, 2.433762519228201, 2.659924810967408, 2.8019992862240346] * 2)
 """[m] The same file, test_Ikin_inversekinematics_compliance644, at the same pose."""
 
+WIREX_LENGTH_IN_THE_MIDDLE = 2.6148040079516472
+"""[m] The same file, test_Ikin_inversekinematics: every cable at (0, 0, 1) m."""
+
 MOORPY = {  # x, z, rest length [m], EA [N], weight [N/m]; horizontal force, vertical forces on A and on B [N]
     "hanging below both ends": (
         (400, 200, 500, 7.51e12, 200.0), (43694.580989249596, -22365.599350216216, -77634.40064978378),
@@ -89,6 +92,11 @@ def test_structure_matrix_and_lengths_are_those_of_wirex(ipanema):
     assert ipanema.rest_lengths(POSITION) == pytest.approx(WIREX_LENGTHS, abs=WIREX_ROUNDING)
     off = geometry(ipanema, POSITION + np.array([0.01, 0, 0]), np.eye(3)).wrench_matrix.T
     assert np.abs(off - WIREX_MATRIX).max() > 1e-3
+
+
+def test_lengths_in_the_middle_are_those_of_wirex(ipanema):
+    """All eight are the same there."""
+    assert ipanema.rest_lengths((0, 0, 1)) == pytest.approx(np.full(8, WIREX_LENGTH_IN_THE_MIDDLE), abs=WIREX_ROUNDING)
 
 
 def test_an_imported_ipanema_has_wirex_numbers(ipanema, tmp_path):
