@@ -5,12 +5,10 @@ import copy
 import numpy as np
 import pytest
 import xarray as xr
-from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.grids import extent_of
 from cdpr_sim.analysis.workspace.hull import Hull
-from cdpr_sim.cli import app
 from cdpr_sim.drawing import maps
 
 WIREX = (5.731436529861277, 17.789244457956457, (0, 0, 1))
@@ -121,25 +119,6 @@ def test_extent_is_that_of_a_box(cells, whole):
     coords = [("x", np.linspace(0, 1, 101)), ("y", [0, 2]), ("z", [0, 3])]
     fine = xr.DataArray(np.ones((101, 2, 2), dtype=bool), coords=coords)
     assert extent_of(fine & (fine.x <= 0.5)) == pytest.approx(3, abs=0.05)
-
-
-def test_sweep_and_map_take_wrenches_and_say_volumes(tmp_path):
-    """Each workspace's volume, in m³ over a grid and m² in a map; a panel for what holds all the wrenches."""
-    run = CliRunner().invoke
-    result = run(app, ["sweep", "ipanema-1", "--grid", "5", "5", "5", "--wrenches", "0,0,-300,0,0,0"])
-    assert result.exit_code == 0, result.output
-    swept = cdpr.sweep("ipanema-1", (5, 5, 5), wrenches=[0, 0, -300.0, 0, 0, 0], quantities=["feasible"])
-    static, loaded = (f"{extent_of(swept[name]):.4g}" for name in ("feasible", "wrench_feasible"))
-    told = (
-        f"ipanema-1 with rigid cables: static feasible workspace {static}, wrench-feasible workspace {loaded}, of 3 m³."
-    )
-    assert told in " ".join(result.stdout.split())
-    pushes = ["--wrenches", "200,0,0,0,0,0", "--wrenches=-200,0,0,0,0,0"]
-    result = run(app, ["map", "ipanema-1", "-o", str(tmp_path / "map.png"), "--points", "9", *pushes])
-    assert result.exit_code == 0, result.output
-    assert ", of 2 m²." in " ".join(result.stdout.split())
-    result = run(app, ["sweep", "ipanema-1", "--grid", "2", "2", "2", "--wrenches", "1,2,3"])
-    assert (result.exit_code, "--wrenches: found '1,2,3', expected six numbers" in result.stderr) == (2, True)
 
 
 def test_the_map_shows_what_holds_all_wrenches_with_its_own_border(catalogue):
