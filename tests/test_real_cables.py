@@ -143,7 +143,7 @@ def test_the_descent_passes_under_wheels_to_equilibria_beyond():
 
 
 def test_of_many_poses_those_under_a_wheel_have_a_status():
-    """Or nan, or False; a single one is refused in a sentence (``test_refusals_physics.py``)."""
+    """Or nan, or False; a single one is refused in a sentence (``test_refusals_analysis.py``)."""
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.05)
     both = np.array([robot.exits[2] - robot.anchors[2] + [0.01, 0.0, -0.3], robot.home])
     for many in (cdpr.solve_many(robot, both), cdpr.settle_many(robot, both)):
