@@ -133,3 +133,9 @@ def test_the_map_shows_what_holds_all_wrenches_with_its_own_border(catalogue):
         assert any(f"{share:.0f}" in text or f"{share:.1f}" in text for text in shares), (name, share, shares)
     assert float(dataset.wrench_feasible.mean()) < float(dataset.feasible.mean())
     assert "feasible for\nall wrenches" in [ax.get_ylabel() for ax in figure.axes]
+
+
+def test_a_pose_that_is_no_number_is_not_held():
+    """It is a mark, as elsewhere: no LinAlgError of NumPy's."""
+    held = cdpr.closed_form_feasible(cdpr.load_robot("ipanema-1"), [[0, 0, 1], [np.nan, 0, 1]])
+    assert held.tolist() == [True, False]
