@@ -32,7 +32,6 @@ from oracle import Rig
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.robots.robot_file_text import as_toml
 
 SEED = 20261124
 
@@ -1015,13 +1014,11 @@ def _jax(at: Case) -> Judge:
 # Files.
 
 
-@row("load_robot", few=8, blind=NEW)
+@row("load_robot", "write_robot", few=8, blind=NEW)
 def _load_robot(at: Case) -> Judge:
     """A robot written to a file and read again; its equilibrium."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.toml"
-        file.write_text(as_toml(at.robot))
-        read = cdpr.load_robot(file)
+        read = cdpr.load_robot(cdpr.write_robot(Path(folder) / "robot.toml", at.robot))
     return near(at, cdpr.solve(read, at.pose, at.rest, external_wrench=at.load))
 
 
