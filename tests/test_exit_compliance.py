@@ -87,39 +87,18 @@ def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():
     np.testing.assert_allclose(data.body("platform").xpos, cdpr.solve(robot, pose).position, rtol=0, atol=EXACT)
 
 
-@pytest.mark.parametrize(
-    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
-)
-def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
-    """And so are dampers of cables, where the body of an exit would oscillate."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-5, **more)
-    with pytest.raises(cdpr.InvalidInput, match=f"winches: found exit_compliance in cable 1 beside {beside}"):
-        cdpr.to_mjcf(robot, robot.home, winches=True)
-    with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
-        cdpr.to_mjcf(robot, robot.home, damping="none")
-
-
-def test_one_number_stands_for_three():
+def test_one_number_stands_for_three(tmp_path):
     """For all cables or for each, in Python and in robot files; two numbers, or fewer than 0, are refused."""
     robot = cdpr.load_robot("cogiro")
     np.testing.assert_array_equal(robot.replace(exit_compliance=2e-6).exit_compliance, np.full((8, 3), 2e-6))
+    file = tmp_path / "robot.toml"
+    file.write_text(as_toml(robot).replace("[platform]", "exit_compliance = 2e-6\n\n[platform]", 1))
+    np.testing.assert_array_equal(cdpr.load_robot(file).exit_compliance, np.full((8, 3), 2e-6))
     each = robot.replace(exit_compliance=1e-6 * np.arange(8)[:, None])
     np.testing.assert_array_equal(each.exit_compliance, 1e-6 * np.arange(8)[:, None] * np.ones(3))
     for wrong in ((1e-6, 1e-6), np.full(8, 1e-6), -1e-6):
         with pytest.raises(cdpr.InvalidInput, match="exit_compliance: found"):
             robot.replace(exit_compliance=wrong)
-
-
-def test_robot_files_have_it_as_a_number_or_as_three(tmp_path):
-    """For the whole robot and for a cable; written and read, it is the same."""
-    robot = cdpr.load_robot("planar-vertical")
-    file = tmp_path / "robot.toml"
-    text = as_toml(robot).replace("[platform]", "exit_compliance = 2e-6\n\n[platform]", 1)
-    file.write_text(text.replace("[[cables]]", "[[cables]]\nexit_compliance = [1e-6, 0.0, 3e-6]", 1))
-    read = cdpr.load_robot(file)
-    np.testing.assert_array_equal(read.exit_compliance, [(1e-6, 0, 3e-6), *[(2e-6,) * 3] * (robot.cables - 1)])
-    file.write_text(as_toml(read))
-    np.testing.assert_array_equal(cdpr.load_robot(file).exit_compliance, read.exit_compliance)
 
 
 def test_identification_finds_the_compliance_of_all_exits():
@@ -130,17 +109,6 @@ def test_identification_finds_the_compliance_of_all_exits():
     table = cdpr.Measurements.of(poses, measured.positions, coordinates=("x", "y", "z"))
     found = cdpr.identify(robot.replace(exit_compliance=1e-5), table, ("exit_compliance",), position_error=1e-6).robot
     np.testing.assert_allclose(found.exit_compliance, 2e-5, rtol=1e-6)
-
-
-def test_angles_of_pulleys_that_move_are_refused():
-    """Swivel angles are those of wheels that stay where they are."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=2e-5, pulley_radius=0.01)
-    poses = robot.home + np.random.default_rng(3).uniform(-0.1, 0.1, (6, 3)) * [1, 1, 0.5]
-    measured = cdpr.solve_many(robot, poses).positions
-    table = cdpr.Measurements.of(poses, measured, coordinates=("x", "y", "z"), swivels=np.zeros((6, 8)))
-    errors = {"position_error": 1e-6, "swivel_error": 1e-3}
-    with pytest.raises(cdpr.InvalidInput, match="swivels: found exit_compliance in cable 1"):
-        cdpr.identify(robot, table, ("mass",), **errors)
 
 
 def test_drawn_exits_of_cables_with_mass_are_where_their_profiles_begin():

@@ -130,6 +130,7 @@ def sense(robot=COGIRO, **measured):
 STEEL = COGIRO.replace(linear_density=5e-4)
 NONLINEAR = COGIRO.replace(stiffening=(50, 100))
 WHEELS = COGIRO.replace(pulley_radius=0.02)
+FLEXIBLE = {"exit_compliance": 1e-5}
 UNDER_A_WHEEL = [[0.07, 0.07, 0.1], [0.14, 0.07, 0.1]]
 """Anchor 2 of DemoBot passes below exit 2, which is at (0.04, 0.08) m; neither waypoint is within 0.02 m of there."""
 
@@ -204,6 +205,10 @@ INVALID = [
     (lambda _: model_of(damping="some"), "expected 'settle', 'none' or a loss factor from 0 to 1"),
     (lambda _: model_of(damping=True), "damping: found True, expected"),
     (lambda _: model_of(NONLINEAR, damping=0.02), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
+    (lambda _: model_of(STEEL.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside linear_density"),
+    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside stiffening"),
+    (lambda _: model_of(STEEL.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
+    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, 0 * OFF), "found 0 m for cable 1, expected 0.… to 1.… m"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, np.r_[OFF[1:] / 2, 9]), "found 9 m for cable 8, expected … m"),
     (lambda _: reset((0.3, 0.1, 0.2)), "pose: found y = 0.1 m, but the robot is planar"),
@@ -213,7 +218,7 @@ INVALID = [
     (lambda _: reset((0.9, 0, 0.2), pretension=0), "pretension: found no tensions near 0 N"),
     (lambda _: reset(COGIRO.home, STEEL, False), "massless cables, or those with mass in a model with winches"),
     (lambda _: reset(COGIRO.home, STEEL, pretension=100.0), "pretension: found cables with mass"),
-    (lambda _: reset(COGIRO.home, COGIRO.replace(exit_compliance=1e-5), pretension=1.0), "found exits that give way"),
+    (lambda _: reset(COGIRO.home, COGIRO.replace(**FLEXIBLE), pretension=1.0), "found exits that give way"),
     (lambda _: cdpr.reset(bare := mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.MjData(bare), (0, 0, 0)),
         "model: found no body 'platform' with cables"),
     # Ropes with a memory.
@@ -261,6 +266,7 @@ INVALID = [
     (lambda _: cdpr.Measurements.of([[0, 0, 0]], [[np.nan] * 6]), "found no measured number"),
     (lambda _: sense(tensions=[[1.0] * 4]), "found 4 tensions, expected 8, one per cable"),
     (lambda _: sense(swivels=[[1.0] * 8]), "found the swivel angle of cable 1, which has no pulley"),
+    (lambda _: sense(WHEELS.replace(**FLEXIBLE), swivels=[[0.0] * 8]), "swivels: found exit_compliance in cable 1"),
     (lambda _: sense(frequencies=[[1.0] * 7]), "found 7 natural frequencies, expected at most 6"),
     (lambda _: sense(frequencies=[[1.0]], wrenches=[[0, 0, 0, 0, 1.0, 0]]), "under an external torque"),
     # Identification.
