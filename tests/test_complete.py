@@ -105,6 +105,24 @@ def test_many_starts_find_the_equilibria_of_the_list(case):
     assert len(proved.missing_from(found.found[:1])) == len(proved) - 1
 
 
+def test_random_planar_robots_are_proved_complete():
+    """Exits, anchors, stiffness and rest lengths at random, one robot with pulleys and a drive line."""
+    random = np.random.default_rng(5)
+    for rolled in (0, 1):
+        cables = int(random.integers(2, 5))
+        exits, anchors = random.uniform(-1, 1, (cables, 3)), random.uniform(-0.2, 0.2, (cables, 3))
+        exits[:, 2] += 2
+        exits[:, 1] = anchors[:, 1] = 0
+        robot = cdpr.Robot(
+            exits, anchors, 10 ** random.uniform(2, 5), 1.0, mobility="planar", pulley_radius=rolled * 0.05,
+            winch_to_exit=rolled * random.uniform(0, 2, cables), reeving=1 + rolled * np.arange(cables),
+        )  # fmt: skip
+        problem = cdpr.Problem.of(robot, (0, 0, 0.5), random.uniform(0.8, 1.3) * robot.rest_lengths((0, 0, 0.5)))
+        proved = cdpr.certify_all(problem)
+        assert proved.complete
+        assert not proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=STARTS))
+
+
 @pytest.mark.parametrize("stiffness", [5.0, 3.0])
 def test_equilibria_beyond_the_range_of_a_law_are_not_in_the_list(stiffness):
     """At 5 N one of two roots is within 20 % of strain, at 3 N none: the list holds them, and says over which poses."""
