@@ -284,6 +284,15 @@ def test_a_setting_with_which_numba_cannot_be_imported_is_named_in_one_sentence(
     assert said == ""
 
 
+def test_a_setting_with_which_llvm_would_abort_the_process_is_refused(tmp_path):
+    """A feature that it does not know but that has a sign, LLVM ignores."""
+    printed, said = finished(start(tmp_path, REFUSED, NUMBA_CPU_FEATURES="+avx2,foo"))
+    assert " ".join(printed) == (
+        "compiled code: found NUMBA_CPU_FEATURES=+avx2,foo, expected '+' or '-' before each feature"
+    )
+    assert said == ""
+
+
 REFUSED = """
 from doubles import *
 from cdpr_sim import CdprError

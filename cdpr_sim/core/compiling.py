@@ -453,13 +453,17 @@ def import_numba() -> None:
     """Import Numba while this thread holds none of our locks: the import may run any module, and wait for its threads.
 
     Raises:
-        CdprError: another thread is importing it, and has not finished or does not exist in this process.
+        CdprError: another thread is importing it, and has not finished or does not exist in this process; a setting
+            with which LLVM would abort.
     """
     if _cut_off:
         raise CdprError(
             "compiled code: this process was forked while another thread of its parent imported Numba or compiled, and "
             "can do neither; expected processes that are started by 'spawn' or 'forkserver'"
         )
+    features = os.environ.get("NUMBA_CPU_FEATURES", "")
+    if any(one and one[0] not in "+-" for one in features.split(",")):  # LLVM would abort the process
+        raise CdprError(f"compiled code: found NUMBA_CPU_FEATURES={features}, expected '+' or '-' before each feature")
     begun, said = time.monotonic(), False
     while _being_imported():
         waited = time.monotonic() - begun
