@@ -5,9 +5,10 @@ load compiled code. So a ``Kernel`` is interpreted for its first few elements, a
 answers are the same to the last bit. With ``INTERPRETED``, nothing is compiled.
 
 Only Numba's public functions are used: ``njit`` and ``cfunc`` with ``cache=True``, ``numba.extending``, ``numba.types``
-and ``numba.config``, whose CACHE_DIR is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code is the text of one file, but kernels
-consist of several; so each version of the package's sources has its own folder (``place``). Code that cannot be loaded,
-say from a truncated file, is removed and compiled anew; where none can be kept, each process compiles.
+and ``numba.config``, whose CACHE_DIR is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code
+is the text of one file, but kernels consist of several; so each version of the package's sources has its own folder
+(``place``). Code that cannot be loaded, say from a truncated file, is removed and compiled anew; where none can be
+kept, each process compiles.
 """
 
 from __future__ import annotations
