@@ -191,8 +191,8 @@ class Swivels:
             bodies=numbered(model, kinds.mjOBJ_BODY, prefix + "pulley_{}", count)[over],
             anchors=anchors[over],
             faced=np.where(masses >= 0, masses, anchors)[over],
-            coordinates=model.jnt_qposadr[joints],
-            dofs=model.jnt_dofadr[joints],
+            coordinates=model.jnt_qposadr[joints].astype(int),
+            dofs=model.jnt_dofadr[joints].astype(int),
             radii=model.geom_size[grooves[over], 0],
         )
 

@@ -45,7 +45,7 @@ from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
-from cdpr_sim.physics.tendons import jacobian
+from cdpr_sim.physics.tendons import Jacobian
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
@@ -180,7 +180,7 @@ class Simulations:
         self._loads, self._damper, self._jacobian, self.ten_length, self.xpos = (
             batch.bind(name)[:rows] for name in names
         )
-        self._frames = matrices(self.model.body_quat[self.swivels.bodies])
+        self._rates, self._frames = Jacobian(self.model), matrices(self.model.body_quat[self.swivels.bodies])
         if len(self.swivels):
             self._sites, self._points = batch.bind("site_xpos")[:rows], batch.bind("ten_wrapnum")[:rows]
 
@@ -591,7 +591,7 @@ class Simulations:
         """
         if self.heavy:  # wheels may have turned
             self.batch.forward(at, stage=POSITIONS)
-        rates, springs = jacobian(self.model, self._jacobian[at]), self._alone(at, sets)
+        rates, springs = self._rates.of(self._jacobian[at]), self._alone(at, sets)
         if self._gives_way:
             rates[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
         ways = np.ascontiguousarray(rates[:, [tendons[0] for tendons in sets]])

@@ -208,11 +208,14 @@ def _run(
         then = float(times[tick + 1])
         with _errors_named(machine.robot, f"controller: {time:.4g} s into the motion"):
             command = machine.checked(controller.command(then, wanted.poses[tick + 1], sensing.newest(time)))
+        looked = False
         for passed in machine.follow(command, then - time):
-            if sensing.due(time + passed):
+            looked = sensing.due(time + passed)
+            if looked:
                 machine.look()
                 sensing.sample(time + passed, machine.seen())
-        machine.look()
+        if not looked:
+            machine.look()
 
 
 class Machine:
@@ -283,15 +286,14 @@ class Machine:
         motion, by_tension = self.motion, command.by_tension
         start, some = motion.let_out, bool(by_tension.any())
         rates = ((command.rest_lengths - start) / seconds).clip(-self.winch_speed, self.winch_speed)
-        motion.tensions = command.tensions
-        motion.motors = np.zeros(self.robot.cables, dtype=bool)
+        motion.hold(np.zeros(self.robot.cables, dtype=bool), command.tensions)
 
         def let_out(now: float, step: float) -> Float[np.ndarray, " cables"]:
             lengths = start + now * rates
             if some:
                 held, most = motion.lengths_under(command.tensions, step), self.winch_speed * step
                 near = held.clip(motion.let_out - most, motion.let_out + most).clip(*self.reach)
-                motion.motors = by_tension & (near == held)
+                motion.hold(by_tension & (near == held), command.tensions)
                 lengths = np.where(by_tension, near, lengths)
             return lengths
 
