@@ -69,6 +69,11 @@ def circumferences(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     return 2 * np.pi * cabling.pulley_radius
 
 
+def arriving(cabling: Cabling) -> Float[np.ndarray, "cables 3"]:
+    """Unit vectors along which cables arrive at their exits."""
+    return cabling.pulley_axis
+
+
 def add_defaults(defaults: ET.Element) -> None:
     """Classes of auxiliary elements: they are in a group that viewers hide."""
     hidden = add(defaults, "default", {"class": "guide"})
