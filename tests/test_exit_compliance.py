@@ -143,7 +143,7 @@ def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():
 
 
 @pytest.mark.parametrize(
-    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
+    ("more", "beside"), [({"linear_density": 1e-3}, "cables with mass"), ({"stiffening": (50, 0)}, "nonlinear cables")]
 )
 def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
     """And so are dampers of cables, where the body of an exit would oscillate."""

@@ -173,6 +173,7 @@ INVALID = [
         for call, names, values in NUMBERS for name in names.split() for value in values),
     # Motions.
     (lambda _: track(rate=1e9), "rate: found 1e+09 Hz"),
+    (lambda _: track(cable_damping=1e300), "cable_damping: found 1e+300, expected 0 to 1"),
     (lambda _: track(seconds=1e9), "seconds: found 1e+09"),
     (lambda _: track(sensors=100), "sensors: found 100, expected Sensors"),
     (lambda _: track(controller=7), "controller: found 7, expected an object with a method 'start'"),

@@ -425,12 +425,14 @@ class Motion:
             if resisting is not None:
                 resisting[held] = 0.0
         total = pull + drag * (velocity - winding)
-        if total.min() < 0:  # no cable does; implicit springs decide that for the end of the step
+        if total.min() < 0:  # no cable does
             pushes = total < 0
-            drag[pushes], total[pushes] = 0.0, 0.0 if resisting is None else pull[pushes]
+            total[pushes] = 0.0
             if resisting is None:
                 extra = np.zeros_like(pull) if extra is None else extra
-                extra[pushes] = -pull[pushes]
+                drag[pushes], extra[pushes] = 0.0, -pull[pushes]
+            else:  # as much as takes the pull now, since at the end of the step it may pull
+                drag[pushes] = (pull / np.where(pushes, winding - velocity, 1.0))[pushes]
         forces = drag * winding
         self._applied[:] = (forces if extra is None else forces - extra) @ self._jacobian
         self._dampers[:] = drag if resisting is None else resisting + drag
