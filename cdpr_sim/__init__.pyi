@@ -112,6 +112,7 @@ from .report.html_page import write_report as write_report
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
 from .robots.importing import import_robot as import_robot
+from .robots.robot_file_text import write_robot as write_robot
 from .statics.newton import solve_many as solve_many
 from .statics.newton import solve_trajectory as solve_trajectory
 from .statics.solve import solve as solve

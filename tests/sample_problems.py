@@ -122,69 +122,6 @@ def garage_crane(**changes) -> cdpr.Robot:
     return cdpr.Robot(small.exits * [5, 8, 6], small.anchors * 5, **given)
 
 
-def random_robot_with_mass(seed: int) -> tuple[cdpr.Robot, np.ndarray, np.ndarray, np.ndarray]:
-    """Two to ten cables, most with mass, some slack, spatial or planar; a position, rest lengths and a wrench."""
-    random = np.random.default_rng(seed)
-    size, cables, planar = 10 ** random.uniform(-0.3, 1.2), random.integers(2, 11), random.random() < 0.15
-    exits = random.uniform(-0.5, 0.5, (cables, 3)) * size
-    exits[:, 2] = size * random.uniform(0.3, 1, cables)
-    if random.random() < 0.3:
-        exits[random.integers(1, cables), 2] = -0.2 * size
-    anchors = random.uniform(-0.5, 0.5, (cables, 3)) * size * 10 ** random.uniform(-1.3, -0.4)
-    mass = 10 ** random.uniform(-1, 2.5)
-    load = 9.81 * mass
-    stiffness = load * 10 ** random.uniform(1, 4.5) * random.uniform(1, 2, cables)
-    center = random.uniform(-0.1, 0.1, 3) * np.abs(anchors).max() * (random.random() < 0.5)
-    wrench = np.zeros(6)
-    if random.random() < 0.3:
-        wrench[:3] = 0.2 * load * random.normal(size=3)
-        if cables > 5:
-            wrench[3:] = 0.01 * load * np.abs(anchors).max() * random.normal(size=3)
-    position = random.uniform(-0.3, 0.3, 3) * size * [1, 1, 0.4] + [0, 0, 0.1 * size]
-    if planar:
-        exits[:, 1], anchors[:, 1], center[1], position[1] = 0, 0, 0, 0
-        wrench[[1, 3, 5]] = 0
-    slack = random.choice([0, random.uniform(-0.02, 0.02), random.uniform(0, 0.4)], cables)
-    weights = load / size * 10 ** random.uniform(-5, 0) * random.uniform(1, 3, cables)
-    weights *= random.random(cables) < random.choice([0.6, 1.0])
-    robot = cdpr.Robot(
-        exits, anchors, stiffness, mass, center_of_mass=center, mobility="planar" if planar else "spatial",
-        linear_density=weights / 9.81,
-    )  # fmt: skip
-    return robot, position, robot.rest_lengths(position) * (1 + slack), wrench
-
-
-def random_mixed_robot(seed: int) -> tuple[cdpr.Robot, np.ndarray, np.ndarray, np.ndarray]:
-    """The same of cables with or without wheel, mass, nonlinear law, drive line and reeving.
-
-    Raises:
-        InvalidInput: an anchor lies in a wheel.
-    """
-    random = np.random.default_rng(seed)
-    size, cables = 10 ** random.uniform(-0.3, 1.2), random.integers(2, 11)
-    exits = random.uniform(-0.5, 0.5, (cables, 3)) * size
-    exits[:, 2] = size * random.uniform(0.5, 1, cables)
-    anchors = random.uniform(-0.5, 0.5, (cables, 3)) * size * 10 ** random.uniform(-1.3, -0.7)
-    mass = 10 ** random.uniform(-1, 2.5)
-    load = 9.81 * mass
-    axis = random.normal(size=(cables, 3)) * 0.1
-    axis[:, 2] = random.choice([-1, 1])
-    line = np.random.default_rng([seed, 1])
-    robot = cdpr.Robot(
-        exits, anchors, load * 10 ** random.uniform(1.5, 4.5) * random.uniform(1, 2, cables), mass,
-        linear_density=mass / size * 10 ** random.uniform(-5, -1, cables) * (random.random(cables) < 0.7),
-        pulley_radius=size * 10 ** random.uniform(-3, -1.7) * (random.random(cables) < 0.6), pulley_axis=axis,
-        stiffening=np.array([random.uniform(0, 100), random.uniform(0, 2e4)]) * (random.random((cables, 1)) < 0.5),
-        winch_to_exit=size * line.uniform(0, 2, cables) * (line.random(cables) < 0.5),
-        reeving=line.integers(1, 4, cables),
-    )  # fmt: skip
-    position = random.uniform(-0.2, 0.2, 3) * size * [1, 1, 0.4]
-    wrench = np.zeros(6)
-    wrench[:3] = 0.2 * load * random.normal(size=3) * (random.random() < 0.3)
-    slack = random.choice([0, random.uniform(-0.01, 0.01), random.uniform(0, 0.2)], cables)
-    return robot, position, robot.rest_lengths(position) * (1 + slack), wrench
-
-
 def unbalanced(one: cdpr.Equilibrium) -> float:
     """What the oracle finds wrong at an equilibrium, over the load: net force, torques over the size, tensions."""
     problem, rig = one.problem, Rig.of(one.problem.robot)

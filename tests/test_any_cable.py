@@ -6,18 +6,13 @@ import numpy as np
 import oracle
 import pytest
 from oracle import Rig
-from sample_problems import random_mixed_robot
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 
 ENDS = 1e-10
 """Relative difference of a pull from that of a cable which ends at its anchor, by the oracle's integral; measured 2e-11
 for nonlinear cables that sag deeply, and 4e-12 for the others."""
-
-HALF_ROUND = (819, 991)
-"""Robots whose energy decreases until a cable with mass lies half round its wheel, 1e-7 rad from it at most."""
 
 PROPORTIONAL = 0.02
 """Relative deviation from proportionality of the change by a small property and by a tenth of it."""
@@ -79,13 +74,3 @@ def test_every_property_vanishes_smoothly(name, beside) -> None:
     assert np.isfinite(large).all()
     assert (scale > 0).any()
     assert (np.abs(large - 10 * tenth).max(1) <= PROPORTIONAL * scale + 1e-11 * np.abs(none).max(1) + 1e-9).all()
-
-
-def test_a_cable_that_comes_half_round_its_wheel_is_said_to_leave_it() -> None:
-    """The search ends there, since a wheel holds no more; no equilibrium is returned, and the status is not a limit."""
-    heavy = cdpr.load_robot("cogiro").replace(linear_density=1e-3)
-    cdpr.solve_many(heavy, np.tile(heavy.home, (101, 1)))  # from here on compiled: Python takes minutes
-    for seed in HALF_ROUND:
-        robot, position, rest, wrench = random_mixed_robot(seed)
-        found = cdpr.solve_many(robot, position[None], rest, external_wrench=wrench)
-        assert Status(int(found.status[0])) is Status.OFF_WHEEL

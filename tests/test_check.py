@@ -178,12 +178,6 @@ def test_across_shows_the_worst_along_an_axis():
     assert words == ["unsolved", "agree", "agree", "agree"]
 
 
-def test_one_thread_and_many_settle_alike():
-    """Bit by bit."""
-    one, many = (cdpr.check("parallel", (3, 2, 2), threads=threads).dataset for threads in (1, 2))
-    assert one.identical(many)
-
-
 def test_cross_residuals_are_compared_with_the_load(monkeypatch, catalogue):
     """A hundred-thousandth of the weight: a little less agrees, a little more does not."""
     robot = catalogue["cogiro"]

@@ -86,22 +86,6 @@ def test_mujocos_own_distances_are_the_same(robot, curved):
     assert np.abs(off - found.cable_cable[0]).max() > 100 * WITNESS
 
 
-def test_cables_that_cross_or_are_parallel_are_as_far_apart_as_they_were_laid():
-    """One along x at y = 0, one along y 30 mm above it, and one 50 mm beside the first."""
-    robot = cdpr.Robot(
-        exits=[(-1, 0, 1), (1, 0, 1), (0, -1, 1), (0, 1, 1), (-1, 0.05, 1)],
-        anchors=[(-0.1, 0, 0), (0.1, 0, 0), (0, -0.1, 0.03), (0, 0.1, 0.03), (-0.1, 0.05, 0)],
-        axial_stiffness=1e9, mass=1.0, platform_size=(0.2, 0.2, 0.06), name="cross",
-    )  # fmt: skip
-    found = cdpr.clearances(robot, [(0, 0, 0)], fitting=0.0)
-    apart = dict(zip(map(tuple, np.asarray(found.pairs)), found.cable_cable[0], strict=True))
-    # From the one's anchor (-0.1, 0, 0) to the other's (0, -0.1, 0.03): both lead away from one another.
-    assert apart[0, 2] == pytest.approx(np.hypot(np.hypot(0.1, 0.1), 0.03), abs=1e-8)
-    assert apart[0, 4] == pytest.approx(0.05, abs=1e-8)
-    assert found.least[0] == 0  # each begins on the platform
-    assert "platform" in found.nearest(0)
-
-
 def test_cables_run_where_they_hang_and_over_their_wheels():
     """Without fittings: the curves of ``cable_profiles``, and the oracle's free pieces, wheel to anchor."""
     for robot, pose in (

@@ -114,23 +114,6 @@ def test_slopes_by_the_pose_are_exact_out_of_balance_and_under_a_torque(name, qu
         assert order(at, -state.stiffness_matrix, step) < 2
 
 
-@pytest.mark.parametrize("name", ["plain", "planar", "mixed"])
-def test_the_slope_at_fixed_tensions_is_that_of_cables_without_elasticity(name):
-    """Of W tau + w_e with tau as it is; and by the tensions."""
-    problem, state = case(name)
-    by_pose, by_tensions = derivatives.wrench_under_tensions(state)
-    np.testing.assert_array_equal(by_tensions, state.wrench_matrix)
-    step = np.zeros(6)
-    step[problem.robot.free] = direction(1e-3, len(problem.robot.free))
-
-    def at(step):
-        pose = moved(problem.pose, step)
-        other = forces.at(problem, pose.translation, pose.rotation.as_matrix())
-        return other.wrench_matrix @ state.tensions + other.load_wrench
-
-    assert order(at, by_pose, step) >= ORDER
-
-
 # --- by the parameters ---------------------------------------------------------------------------------------------
 
 SIZES = {
@@ -218,14 +201,6 @@ def test_energy_tension_and_tangent_of_a_law_are_one_potential():
 
 
 # --- of equilibria -------------------------------------------------------------------------------------------------
-
-
-def test_moving_the_whole_frame_moves_the_platform_along(catalogue):
-    """The sum over all exits of any axis is a pure translation: an identity that no finite difference blurs."""
-    answer = cdpr.sensitivity(catalogue["parallel"], (0.2, 0.22, 0.1))
-    together = answer.pose["exits"].reshape(6, -1, 3).sum(1)
-    assert together == pytest.approx(np.vstack([np.eye(3), np.zeros((3, 3))]), abs=1e-7)
-    assert answer.tensions["exits"].reshape(8, -1, 3).sum(1) == pytest.approx(np.zeros((8, 3)), abs=1e-4)
 
 
 def test_tilt_grows_as_the_solver_says(catalogue):

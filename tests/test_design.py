@@ -142,8 +142,13 @@ def test_a_box_holds_the_centre_of_mass_whatever_cables_are_named(parallel):
     assert bounds[0].tolist() == bounds[1].tolist() == [0.01] * 3
 
 
-@pytest.mark.parametrize("smooth", ["worst tilt", "worst deviation", "lowest tension"])
-@pytest.mark.parametrize("properties", ["none", "wheels", "mass and pretension"])
+@pytest.mark.parametrize(
+    ("properties", "smooth"),
+    [
+        ("none", "worst tilt"), ("none", "worst deviation"), ("none", "lowest tension"),
+        ("wheels", "worst deviation"), ("mass and pretension", "lowest tension"),
+    ],
+)  # fmt: skip
 def test_slopes_of_layouts_are_those_of_a_taylor_series(smooth: str, properties: str):
     """Of all margins, by every kind of variable at once, with slack cables, loads with torques, and two stiffnesses."""
     robot = cdpr.load_robot("parallel" if properties == "none" else "cogiro")

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.cable_curves import with_moved_exits
@@ -39,41 +38,6 @@ def test_a_mass_on_a_plumb_cable_sinks_by_the_stretch_and_the_frames_own(solve):
     expected = MASS * G * (2.0 / EA + 3e-3)
     assert sunk(solve, (1e-4, 2e-4, 3e-3)) == pytest.approx(expected, abs=EXACT)
     assert sunk(solve, (1e-4, 2e-4, 3.03e-3)) != pytest.approx(expected, abs=EXACT)
-
-
-def mirrored(compliance: float) -> tuple[cdpr.Robot, float]:
-    """A point on two cables of 2 m from exits 3 m apart that move sideways; and its height by the balance of one.
-
-    A cable of the tension T at the angle a below the level: 2 T sin(a) = m g, (l + c T) cos(a) = 1.5 m.
-    """
-
-    def missed(tension: float) -> float:
-        sine = MASS * G / (2 * tension)
-        return (2.0 * (1 + tension / EA) + compliance * tension) * np.sqrt(1 - sine**2) - 1.5
-
-    tension = brentq(missed, MASS * G / 2 * (1 + 1e-12), 100 * MASS * G, xtol=1e-14, rtol=1e-15)
-    height = 3.0 - 2.0 * (1 + tension / EA) * MASS * G / (2 * tension)
-    exits = [(-1.5, 0, 3), (1.5, 0, 3)]
-    return hung(exits, np.zeros((2, 3)), exit_compliance=(compliance, 0, 0), mobility="planar"), height
-
-
-@pytest.mark.parametrize("compliance", [1e-4, 2e-3, 3e-2])
-def test_two_mirrored_cables_draw_their_exits_together(solve, compliance):
-    """The height at rest is that of the one equation in one unknown; with a hundredth more compliance it is not."""
-    robot, height = mirrored(compliance)
-    for factor in (1.0, 1.01):
-        found = solve(robot.replace(exit_compliance=(factor * compliance, 0, 0)), (0, 0, 1.6), [2.0, 2.0])
-        assert (found.position[2] == pytest.approx(height, abs=EXACT)) == (factor == 1.0)
-
-
-def test_a_small_compliance_acts_in_proportion(solve):
-    """As it tends to 0, the equilibrium tends to that on a rigid frame."""
-    robot = cdpr.load_robot("cogiro").replace(linear_density=1e-3, pulley_radius=0.01)
-    pose = np.add(robot.home, [0.05, 0.05, 0.02])
-    rigid = solve(robot, pose).position
-    small, tenth = (solve(robot.replace(exit_compliance=c), pose).position - rigid for c in (1e-6, 1e-7))
-    assert np.abs(small).max() > 1e2 * EXACT
-    assert np.abs(small - 10 * tenth).max() < 1e-2 * np.abs(small).max()
 
 
 class Lowered:
@@ -112,25 +76,6 @@ def test_a_frame_takes_its_part_of_a_motion_from_the_cables_damper(compliance):
     assert decay(1.05 * compliance + 1e-4, c).real != pytest.approx(expected.real, rel=2e-2)
 
 
-def test_winches_of_a_model_move_exits_and_reset_puts_them_where_they_balance():
-    """Stepped, the platform comes to the equilibrium of its lengths; reset there, nothing is unbalanced."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], pulley_radius=0.01)
-    wanted = robot.rest_lengths(np.add(robot.home, [0.03, 0.0, 0.02]))
-    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
-    data = mujoco.MjData(model)
-    data.ctrl = cdpr.winch_controls(robot, robot.home, wanted)
-    mujoco.mj_step(model, data, nstep=round(10 / model.opt.timestep))
-    solved = cdpr.solve(robot, robot.home, wanted)
-    np.testing.assert_allclose(data.body("platform").xpos, solved.position, rtol=0, atol=EXACT)
-    rigid = cdpr.solve(robot.replace(exit_compliance=0), robot.home, wanted)
-    assert np.abs(rigid.position - solved.position).max() > 1e3 * EXACT
-    cdpr.reset(model, data, solved.pose, rest_lengths=wanted)
-    left = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
-    assert np.abs(left).max() < 1e-8 * robot.weight
-    with pytest.raises(cdpr.InvalidInput, match="pretension: found exits that give way"):
-        cdpr.reset(model, data, solved.pose, pretension=1.0)
-
-
 def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():
     """The body of an exit is light, and the integrator of chains does not know springs."""
     robot = cdpr.load_robot("cogiro").replace(exit_compliance=[1e-5, 2e-5, 3e-5], linear_density=1e-3)
@@ -142,39 +87,18 @@ def test_a_model_of_cables_with_mass_comes_to_rest_when_it_is_stepped():
     np.testing.assert_allclose(data.body("platform").xpos, cdpr.solve(robot, pose).position, rtol=0, atol=EXACT)
 
 
-@pytest.mark.parametrize(
-    ("more", "beside"), [({"linear_density": 1e-3}, "linear_density"), ({"stiffening": (50, 0)}, "stiffening")]
-)
-def test_winches_beside_mass_or_a_nonlinear_law_are_refused(more, beside):
-    """And so are dampers of cables, where the body of an exit would oscillate."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=1e-5, **more)
-    with pytest.raises(cdpr.InvalidInput, match=f"winches: found exit_compliance in cable 1 beside {beside}"):
-        cdpr.to_mjcf(robot, robot.home, winches=True)
-    with pytest.raises(cdpr.InvalidInput, match="damping: found exit_compliance in cable 1"):
-        cdpr.to_mjcf(robot, robot.home, damping="none")
-
-
-def test_one_number_stands_for_three():
+def test_one_number_stands_for_three(tmp_path):
     """For all cables or for each, in Python and in robot files; two numbers, or fewer than 0, are refused."""
     robot = cdpr.load_robot("cogiro")
     np.testing.assert_array_equal(robot.replace(exit_compliance=2e-6).exit_compliance, np.full((8, 3), 2e-6))
+    file = tmp_path / "robot.toml"
+    file.write_text(as_toml(robot).replace("[platform]", "exit_compliance = 2e-6\n\n[platform]", 1))
+    np.testing.assert_array_equal(cdpr.load_robot(file).exit_compliance, np.full((8, 3), 2e-6))
     each = robot.replace(exit_compliance=1e-6 * np.arange(8)[:, None])
     np.testing.assert_array_equal(each.exit_compliance, 1e-6 * np.arange(8)[:, None] * np.ones(3))
     for wrong in ((1e-6, 1e-6), np.full(8, 1e-6), -1e-6):
         with pytest.raises(cdpr.InvalidInput, match="exit_compliance: found"):
             robot.replace(exit_compliance=wrong)
-
-
-def test_robot_files_have_it_as_a_number_or_as_three(tmp_path):
-    """For the whole robot and for a cable; written and read, it is the same."""
-    robot = cdpr.load_robot("planar-vertical")
-    file = tmp_path / "robot.toml"
-    text = as_toml(robot).replace("[platform]", "exit_compliance = 2e-6\n\n[platform]", 1)
-    file.write_text(text.replace("[[cables]]", "[[cables]]\nexit_compliance = [1e-6, 0.0, 3e-6]", 1))
-    read = cdpr.load_robot(file)
-    np.testing.assert_array_equal(read.exit_compliance, [(1e-6, 0, 3e-6), *[(2e-6,) * 3] * (robot.cables - 1)])
-    file.write_text(as_toml(read))
-    np.testing.assert_array_equal(cdpr.load_robot(file).exit_compliance, read.exit_compliance)
 
 
 def test_identification_finds_the_compliance_of_all_exits():
@@ -185,17 +109,6 @@ def test_identification_finds_the_compliance_of_all_exits():
     table = cdpr.Measurements.of(poses, measured.positions, coordinates=("x", "y", "z"))
     found = cdpr.identify(robot.replace(exit_compliance=1e-5), table, ("exit_compliance",), position_error=1e-6).robot
     np.testing.assert_allclose(found.exit_compliance, 2e-5, rtol=1e-6)
-
-
-def test_angles_of_pulleys_that_move_are_refused():
-    """Swivel angles are those of wheels that stay where they are."""
-    robot = cdpr.load_robot("cogiro").replace(exit_compliance=2e-5, pulley_radius=0.01)
-    poses = robot.home + np.random.default_rng(3).uniform(-0.1, 0.1, (6, 3)) * [1, 1, 0.5]
-    measured = cdpr.solve_many(robot, poses).positions
-    table = cdpr.Measurements.of(poses, measured, coordinates=("x", "y", "z"), swivels=np.zeros((6, 8)))
-    errors = {"position_error": 1e-6, "swivel_error": 1e-3}
-    with pytest.raises(cdpr.InvalidInput, match="swivels: found exit_compliance in cable 1"):
-        cdpr.identify(robot, table, ("mass",), **errors)
 
 
 def test_drawn_exits_of_cables_with_mass_are_where_their_profiles_begin():

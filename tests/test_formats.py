@@ -50,9 +50,10 @@ def assert_same(one: cdpr.Robot, other: cdpr.Robot, but: tuple[str, ...] = ()) -
 
 def read_back(robot: cdpr.Robot, folder: Path) -> cdpr.Robot:
     """Written to a file, which has each note as a remark, and read again."""
-    (folder / "again.toml").write_text(as_toml(robot), encoding="utf-8")
-    assert all(f"# {note}" in as_toml(robot) for note in robot.notes)
-    return cdpr.load_robot(folder / "again.toml")
+    file = cdpr.write_robot(folder / "again.toml", robot, force=True)
+    text = file.read_text(encoding="utf-8")
+    assert all(f"# {note}" in text for note in robot.notes)
+    return cdpr.load_robot(file)
 
 
 # Other projects' formats

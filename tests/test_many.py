@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+from sample_problems import VARIED
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -37,7 +38,7 @@ def with_mass(robot: cdpr.Robot) -> dict:
     return wheels(robot) | {"linear_density": np.where(np.arange(robot.cables) % 3 == 0, 2e-3, 0.0)}
 
 
-ROBOTS = {name: (name, lambda robot: {}) for name in cdpr.list_robots()}
+ROBOTS = {name: (name, lambda robot: {}) for name in (*VARIED, "parallel")}
 ROBOTS |= {
     f"{name} {what}": (name, changes)
     for name in ("cogiro", "parallel", "planar-vertical")

@@ -119,21 +119,6 @@ def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, change):
         np.testing.assert_allclose(found.rest_lengths, [held.rest_lengths(pose) for pose in poses], rtol=1e-12)
 
 
-@pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_compensate_holds_a_robot_with_cables_from_below(catalogue, gravity):
-    """Within the limits that it is given, within its own without any; taut without gravity too."""
-    robot, pose = catalogue["ipanema-1"].replace(gravity=gravity), (0.3, 0.2, 1.1)
-    for asked, low, high in (((150, 500), 150, 500), (None, 1e-2, 720)):
-        found = cdpr.compensate(robot, pose, tensions=asked)
-        assert found.exact
-        assert found.equilibrium.stable
-        assert found.tensions.min() >= low * (1 - 1e-9)
-        assert found.tensions.max() <= high
-        assert off(cdpr.settle(robot, (0.31, 0.2, 1.1), found.rest_lengths), pose) < 1e-7
-    own = cdpr.compensate(robot.replace(force_min=200.0), pose)
-    assert own.tensions.min() == pytest.approx(200, rel=1e-9)
-
-
 # --- what nothing holds ----------------------------------------------------------------------------------------------
 
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.robot_batch import RobotBatch
 
 POSE = (0.3, 0.25, 0.1)
 
@@ -126,17 +125,3 @@ def test_stiffness_and_mass_of_a_row_are_those_of_its_robot(parallel):
     assert (soft.mass, problems[1, 1].robot) == (0.8, parallel)
     np.testing.assert_allclose(soft.robot.inertia, 2 * parallel.inertia)
     np.testing.assert_array_equal(problems.load, parallel.gravity * np.array([[0.2], [0.4], [0.8]]))
-
-
-def test_rows_of_several_robots_have_their_own(parallel):
-    """A row's robot, and its equilibrium."""
-    robots = [parallel, parallel.replace(exits=parallel.exits + np.array([0.02, 0, 0]))]
-    places = np.array([POSE, (0.4, 0.25, 0.1)])
-    rotations, wrenches, factors = np.array([np.eye(3)] * 2), np.zeros((2, 6)), np.ones(2)
-    problems = cdpr.Problems.of_robots(RobotBatch.of(robots), places, rotations, wrenches, factors)
-    equilibria = cdpr.solve_many(problems)
-    for row, robot in enumerate(robots):
-        for column, place in enumerate(places):
-            np.testing.assert_array_equal(problems[row, column].robot.exits, robot.exits)
-            alone = cdpr.solve(robot, place).position
-            np.testing.assert_allclose(equilibria.positions[row, column], alone, rtol=0, atol=1e-9)

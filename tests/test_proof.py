@@ -357,13 +357,6 @@ def test_wrong_tensions_are_not_proved(solved):
     assert not faulty(solved, tensions=1.01 * solved.tensions).proved
 
 
-def test_no_equilibrium_is_not_proved(solved):
-    """The commanded pose, before the platform has moved from it."""
-    proof = faulty(solved, pose=solved.problem.pose)
-    assert not proof.proved
-    assert proof.reasons
-
-
 def test_a_cable_with_mass_that_ends_on_its_wheel_is_not_proved():
     """Its rest length is less than what lies on the wheel: it has no end, which is a reason and no error."""
     found = cdpr.solve(problem_of("mass and all"))

@@ -6,7 +6,6 @@ Equilibria of all mixtures of cable properties are in ``test_matrix.py``.
 import mujoco
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible_by_linprog
@@ -144,7 +143,7 @@ def test_the_descent_passes_under_wheels_to_equilibria_beyond():
 
 
 def test_of_many_poses_those_under_a_wheel_have_a_status():
-    """Or nan, or False; a single one is refused in a sentence (``test_refusals_physics.py``)."""
+    """Or nan, or False; a single one is refused in a sentence (``test_refusals_analysis.py``)."""
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.05)
     both = np.array([robot.exits[2] - robot.anchors[2] + [0.01, 0.0, -0.3], robot.home])
     for many in (cdpr.solve_many(robot, both), cdpr.settle_many(robot, both)):
@@ -212,28 +211,6 @@ def test_a_massless_cable_is_drawn_straight_however_little_it_is_stretched():
     """At a strain of 1e-6 the weight with which slack cables are drawn would let it sag by 1e-7 of its length."""
     points = profile([0, 0, 0.0], [3, 0, -1.0], np.sqrt(10) / (1 + 1e-6), 1e5, 0.0, 7)
     np.testing.assert_allclose(points, np.linspace(0, 1, 7)[:, None] * [3, 0, -1], atol=1e-15)
-
-
-@pytest.mark.parametrize("method", [cdpr.solve, cdpr.settle])
-def test_a_rigid_part_lies_along_the_end_of_a_hanging_cable(method):
-    """Two mirrored inextensible catenaries end where SciPy finds it, a third of each behind straight."""
-    exits, anchors = [[-1.1, 0, 2.0], [1.1, 0, 2.0]], [[-0.1, 0, 0], [0.1, 0, 0]]
-    rest, rigid, weight = 1.5, 0.5, 0.8 * 9.81
-    robot = cdpr.Robot(
-        exits, anchors, 1e9, 0.5, linear_density=0.8, rigid_length=rigid, mobility="planar", platform_size=BOX
-    )
-    found = method(robot, (0, 0, 1.2), np.full(2, rest))
-    rope, upwards = rest - rigid, 0.5 * 9.81 / 2  # the vertical pull of each rope on the platform
-
-    def across(H: float) -> float:  # the distance of exit and platform, of a rope that ends with the slope V/H
-        reach = H / weight * (np.arcsinh((upwards + weight * rope) / H) - np.arcsinh(upwards / H))
-        return reach + rigid * H / np.hypot(H, upwards) - 1.0
-
-    H = brentq(across, 1e-3, 1e3)
-    height = (np.hypot(H, upwards + weight * rope) - np.hypot(H, upwards)) / weight
-    height += rigid * upwards / np.hypot(H, upwards)
-    np.testing.assert_allclose(found.position, [0, 0, 2.0 - height], atol=1e-7)
-    np.testing.assert_allclose(found.tensions, np.hypot(H, upwards), rtol=1e-6)
 
 
 def test_a_rest_length_is_more_than_what_is_rigid():

@@ -1,17 +1,18 @@
-"""What analysis, workspaces, design, comparison and proofs refuse: a call, and words of its one sentence."""
+"""What simulation, analysis, design, comparison and proofs refuse: a call, and words of its one sentence."""
 
 import functools
 import inspect
 import re
-import sys
 
+import mujoco
 import numpy as np
 import pytest
 from sample_problems import hanging_mass
+from test_settle_path import ELEMENTS
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
+from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible_by_linprog
 from cdpr_sim.analysis.workspace.grids import as_grid, plane
 from cdpr_sim.cli import app
 from cdpr_sim.design.symmetry import group
@@ -73,7 +74,72 @@ def compared(**changes):
     return ask
 
 
+ABOVE = (0.3, 0.25, 0.15)
+COGIRO = cdpr.load_robot("cogiro")
+ROPES = COGIRO.replace(hysteresis=ELEMENTS)
+SHORT = cdpr.Problem.of(COGIRO.replace(linear_density=5e-4, pulley_radius=0.03, pulley_axis=(0, 0, 1)), ABOVE)
+WHEELS = COGIRO.replace(pulley_radius=0.05)
+UNDER = WHEELS.exits[2] - WHEELS.anchors[2] + [0.01, 0.0, -0.3]
+ON_A_WHEEL = cdpr.Robot([[0, 0, 1]], [[0, 0, 0]], 1e3, 1.0, pulley_radius=0.1, platform_size=(0.1, 0.1, 0.1))
+LONG = cdpr.load_robot("ipanema-1").replace(axial_stiffness=1e4, winch_to_exit=500.0, force_max=np.inf)
+TEXT = cdpr.to_mjcf(COGIRO, ABOVE)
+FALLING = (0.0, -8.0)  # a law that ends at 13.6 N of 100 N
+PLUMB = cdpr.Robot([[0, 0, 2]], [[0, 0, 0]], 100.0, 13.61 / 9.81, stiffening=FALLING, platform_size=(0.1, 0.1, 0.1))
+
+
+def settled_in(text: str, robot: cdpr.Robot, **given) -> cdpr.Equilibrium:
+    return cdpr.settle(robot, ABOVE, model=mujoco.MjModel.from_xml_string(text), **given)
+
+
+HAS_MEMORY = "^robot: found hysteresis in cable 1, expected"
+TOO_SHORT = r"^rest_lengths: found \S+ m in cable 1, with mass and over a pulley of 0\.03 m, expected at least 0\.\d+ m"
+IS_UNDER = r"anchor of cable 3 inside or below its pulley.s wheel, 0.01 m from the pulley's"
+
+
 REFUSED = [
+    # Of simulation, and of cables that cannot be.
+    (lambda: cdpr.settle_many(cdpr.Problems.of(COGIRO, [ABOVE] * 2, mass=[0.4, 0.5])), "mass: found one per problem"),
+    (
+        lambda: settled_in(TEXT.replace('<body name="origin" />', ""), COGIRO, external_wrench=[1, 0, 0, 0, 0, 0]),
+        "origin",
+    ),
+    (lambda: cdpr.to_mjcf(SHORT, rest_lengths=np.ones(8)), "rest_lengths: found one beside a Problem"),
+    (lambda: cdpr.settle(COGIRO.replace(linear_density=1e-15), ABOVE), "linear_density: found 1e-15 kg/m in cable 1"),
+    (lambda: cdpr.release(cdpr.settle(ROPES, ABOVE)), HAS_MEMORY),
+    (lambda: settled_in(TEXT, ROPES), HAS_MEMORY),
+    (lambda: cdpr.settle(SHORT), TOO_SHORT),
+    (lambda: cdpr.to_mjcf(SHORT), TOO_SHORT),
+    (lambda: cdpr.settle_trajectory(SHORT), TOO_SHORT),
+    (lambda: cdpr.solve(WHEELS, UNDER), IS_UNDER),
+    (lambda: cdpr.settle(WHEELS, UNDER), IS_UNDER),
+    (lambda: cdpr.shortfall(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    (lambda: cdpr.feasible(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    (lambda: cdpr.closed_form_feasible(WHEELS, UNDER, tension_limits=(0, 9)), IS_UNDER),
+    (lambda: capacity_margin(WHEELS, UNDER, tension_limits=(0, 100)), IS_UNDER),
+    (lambda: cdpr.solve(ON_A_WHEEL, (0.1, 0, 0.95)), "anchor of cable 1 inside its pulley's wheel"),
+    (lambda: cdpr.solve(ON_A_WHEEL, (0.05, 0, 0.2)), "anchor of cable 1 inside or below its pulley's wheel"),
+    (
+        lambda: PLUMB.rest_lengths((0, 0, 1), [PLUMB.weight]),
+        "tensions: found 13.61 N in cable 1, expected at most 13.6 N",
+    ),
+    (
+        lambda: cdpr.compensate(COGIRO.replace(axial_stiffness=20.0, stiffening=FALLING), ABOVE, tensions=(3.0, 9.0)),
+        "tensions: found a smallest tension of 3 N in cable 1, .* 2.72 N",
+    ),
+    (
+        lambda: LONG.rest_lengths(LONG.home, tensions=700.0),
+        r"tensions: found .* N in cable \d, under which the rope between",
+    ),
+    *(
+        (lambda change=change: COGIRO.replace(**change), words)
+        for change, words in [
+            ({"winch_to_exit": 1e9}, "winch_to_exit: found 1e"),
+            ({"reeving": 1.5}, "reeving: found 1.5 parts of line in cable 1, expected a whole number from 1 to 100"),
+            ({"reeving": [1, 0] + [1] * 6}, "reeving: found 0 parts of line in cable 2, expected a whole number"),
+            ({"reeving": 1000}, "reeving: found 1000 parts"),
+        ]
+    ),
+    # Of analysis, workspaces, design, comparison and proofs.
     (compensate(tension_limits=(-1, 1)), "found a smallest tension of -1 N"),
     (compensate(tension_limits=(0, np.nan)), "above the largest, nan N"),
     (compensate(tension_limits=(0, [1, 2])), "expected \\(smallest, largest\\)"),
@@ -128,7 +194,8 @@ REFUSED = [
         closed_form(exits=robot("two-cable").exits[::-1], anchors=robot("two-cable").anchors[::-1]),
         "expected a planar bar on two cables",
     ),
-    (closed_form(pulley_radius=0.01), "found pulley_radius in cable 1"),
+    (closed_form(pulley_radius=0.01), "two-cable closed form: found pulley_radius in cable 1"),
+    (closed_form(linear_density=0.01), "two-cable closed form: found linear_density in cable 1"),
     (certify_all(linear_density=0.01), "found linear_density in cable 1"),
     (certify_all(gravity=0), "no load"),
     beside(cdpr.certify_all, "rest_lengths", rest_lengths=[0.5] * 4),
@@ -197,25 +264,31 @@ def test_what_cannot_be_searched_or_stored_is_refused_before_the_search(monkeypa
     assert "found linear_density in cable 1" in told.stderr
 
 
-@pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])
-def test_a_files_bad_line_is_named_as_an_editor_counts(tmp_path, cells):
-    """Comments and empty lines count."""
-    path = tmp_path / "poses.csv"
-    head = "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]"
-    path.write_text(f"# by tracker\n\n{head}\n400,250,100,99\n# again\n{cells}\n", encoding="utf-8")
-    with pytest.raises(cdpr.InvalidInput, match="line 6"):
-        cdpr.read_measurements(path)
+def test_what_is_refused_of_one_problem_is_a_status_of_many_or_no_refusal_elsewhere():
+    """A chain too short for its wheel is no obstacle to statics; a picture has no forces."""
+    found = cdpr.settle_many(cdpr.Problems.stack([SHORT, SHORT]))
+    assert (found.status == cdpr.Status.TOO_SHORT).all()
+    assert np.isnan(found.positions).all()
+    assert cdpr.solve(SHORT).stable
+    assert cdpr.draw(ROPES).axes
+    beside = COGIRO.replace(
+        axial_stiffness=[2.0] * 7 + [1e3], linear_density=[0] * 7 + [5e-3], stiffening=[(8.0, -20.0)] * 7 + [(0, 0)]
+    )
+    with pytest.raises(cdpr.NotSettled, match=r"beyond the range of its nonlinear law \(cables 1, 4\)"):
+        cdpr.settle(beside, (0.3, 0.25, 0.1))
 
 
-@pytest.mark.parametrize(
-    ("library", "ask", "extra"),
-    [
-        ("flint", lambda: cdpr.certify(cdpr.solve(robot("cogiro"), POSE)), "proof"),
-        ("pymoo", lambda: cdpr.find_front(robot("parallel"), LINE, within=0.1), "design"),
-    ],
-)
-def test_without_a_library_one_sentence_says_what_to_install(monkeypatch, library, ask, extra):
-    """The package is imported without it; only this work needs it."""
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(cdpr.MissingExtra, match=re.escape(f'pip install "cdpr-sim[{extra}]"')):
-        ask()
+@pytest.mark.parametrize("rigid", [0.0, 0.05])
+def test_a_chain_may_be_as_short_as_its_refusal_says(rigid):
+    """A cable with mass over a wheel, with and without a rigid end: 2 % less is refused, 2 % more is not."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=0.05, pulley_radius=0.01, rigid_length=rigid)
+    rest = robot.rest_lengths(robot.home)
+    short = np.where(np.arange(8) == 2, 0.1, rest)
+    with pytest.raises(cdpr.InvalidInput, match="its chain's first mass could touch the wheel") as refused:
+        cdpr.to_mjcf(robot, robot.home, short)
+    found = re.search(r"in cable 3, .* expected at least (\S+) m", str(refused.value))
+    assert found is not None
+    least = float(found[1])
+    with pytest.raises(cdpr.InvalidInput, match="could touch the wheel"):
+        cdpr.to_mjcf(robot, robot.home, np.where(np.arange(8) == 2, 0.98 * least, rest))
+    assert cdpr.to_mjcf(robot, robot.home, np.where(np.arange(8) == 2, 1.02 * least, rest))

@@ -130,6 +130,7 @@ def sense(robot=COGIRO, **measured):
 STEEL = COGIRO.replace(linear_density=5e-4)
 NONLINEAR = COGIRO.replace(stiffening=(50, 100))
 WHEELS = COGIRO.replace(pulley_radius=0.02)
+FLEXIBLE = {"exit_compliance": 1e-5}
 UNDER_A_WHEEL = [[0.07, 0.07, 0.1], [0.14, 0.07, 0.1]]
 """Anchor 2 of DemoBot passes below exit 2, which is at (0.04, 0.08) m; neither waypoint is within 0.02 m of there."""
 
@@ -156,16 +157,14 @@ BAD_COMMANDS = [
 NUMBERS = [
     (task, "rate seconds winch_speed damping cable_damping", (np.nan, -1)),
     (Domain, "axial_stiffness mass exits friction", (np.nan, -0.1, np.inf)),
-    (model_of, "damping", ("some", 2.0, np.nan, True)),
-    (lambda **given: model_of(winches=True, **given), "winch_force", (0.0, -3.0, np.nan, [1.0, 2.0], "strong")),
-    (model_of, "winches", ("length", 1, None)),
-    (made, "gravity pulley_radius linear_density mass axial_stiffness", (1e300, np.nan, -1.0)),
-    (made, "center_of_mass pulley_axis inertia platform_size", ([1, 1, 1e300], [1, 1, np.nan], [1.0, 2.0])),
-    (made, "frame workspace", ([[0, 0, 0], [1, 1, 1e300]], [[0, 0, 0], [1, 1, np.nan]], [1.0, 2.0])),
+    (lambda **given: model_of(winches=True, **given), "winch_force", (0.0, -3.0, [1.0, 2.0])),
+    (made, "gravity pulley_radius linear_density mass axial_stiffness", (1e300,)),
+    (made, "center_of_mass pulley_axis inertia platform_size", ([1, 1, 1e300], [1, 1, np.nan])),
+    (made, "frame workspace", ([[0, 0, 0], [1, 1, 1e300]], [[0, 0, 0], [1, 1, np.nan]])),
     (made, "stiffening", ((1e300, 1e300), (np.nan, 0))),
     (made, "material description source", ("a\0b", "\x1b[31m", 3)),
 ]  # fmt: skip
-"""Of one argument that is none: a call, names of arguments, and their values."""
+"""Of one argument: a call, names of arguments, and values that ``test_wrong_types.py`` does not give."""
 
 
 INVALID = [
@@ -200,13 +199,16 @@ INVALID = [
     (lambda _: begun().unwrapped.step(np.full(8, np.nan)), "action: found a number that is not finite"),
     (lambda _: run(begun(), cdpr.HeldTensions(COGIRO), options={"waypoints": LINE}), "expected control=[1, 2, 3"),
     # Models with winches.
-    (lambda _: model_of(winches="length"), "winches: found 'length'"),
     (lambda _: model_of(winches="speed", winch_speed=0), "winch_speed: found 0 m/s"),
     (lambda _: model_of(COGIRO.replace(stiffening=[(0.0, 0.0)] * 7 + [(100.0, 2e4)]), winches=True, winch_force=40.0),
         "winch_force: found 40 N for cable 8 with nonlinear elasticity"),
     (lambda _: model_of(damping="some"), "expected 'settle', 'none' or a loss factor from 0 to 1"),
     (lambda _: model_of(damping=True), "damping: found True, expected"),
     (lambda _: model_of(NONLINEAR, damping=0.02), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
+    (lambda _: model_of(STEEL.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside linear_density"),
+    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside stiffening"),
+    (lambda _: model_of(STEEL.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
+    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, 0 * OFF), "found 0 m for cable 1, expected 0.… to 1.… m"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, np.r_[OFF[1:] / 2, 9]), "found 9 m for cable 8, expected … m"),
     (lambda _: reset((0.3, 0.1, 0.2)), "pose: found y = 0.1 m, but the robot is planar"),
@@ -216,6 +218,7 @@ INVALID = [
     (lambda _: reset((0.9, 0, 0.2), pretension=0), "pretension: found no tensions near 0 N"),
     (lambda _: reset(COGIRO.home, STEEL, False), "massless cables, or those with mass in a model with winches"),
     (lambda _: reset(COGIRO.home, STEEL, pretension=100.0), "pretension: found cables with mass"),
+    (lambda _: reset(COGIRO.home, COGIRO.replace(**FLEXIBLE), pretension=1.0), "found exits that give way"),
     (lambda _: cdpr.reset(bare := mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.MjData(bare), (0, 0, 0)),
         "model: found no body 'platform' with cables"),
     # Ropes with a memory.
@@ -263,6 +266,7 @@ INVALID = [
     (lambda _: cdpr.Measurements.of([[0, 0, 0]], [[np.nan] * 6]), "found no measured number"),
     (lambda _: sense(tensions=[[1.0] * 4]), "found 4 tensions, expected 8, one per cable"),
     (lambda _: sense(swivels=[[1.0] * 8]), "found the swivel angle of cable 1, which has no pulley"),
+    (lambda _: sense(WHEELS.replace(**FLEXIBLE), swivels=[[0.0] * 8]), "swivels: found exit_compliance in cable 1"),
     (lambda _: sense(frequencies=[[1.0] * 7]), "found 7 natural frequencies, expected at most 6"),
     (lambda _: sense(frequencies=[[1.0]], wrenches=[[0, 0, 0, 0, 1.0, 0]]), "under an external torque"),
     # Identification.

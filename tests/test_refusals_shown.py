@@ -3,7 +3,7 @@
 import made_up
 import numpy as np
 import pytest
-from drawn_figures import UP, rests
+from drawn_figures import rests
 from matplotlib.figure import Figure
 
 import cdpr_sim as cdpr
@@ -12,16 +12,10 @@ import robots_on_axes
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video.scene import Stage
-from cdpr_sim.statics import two_cable_closed_form
 
 HEAVY = cdpr.load_robot("cogiro").replace(linear_density=0.0005)
 AT_REST = cdpr.Trajectory.through(rests(1, HEAVY, [(0.3, 0.25, 0.1)] * 2), np.array([0.0, 1.0]))
 UNSHAPED = "shapes: found none of cable 1, which has mass"
-
-
-def closed_form(**changes) -> object:
-    bar = cdpr.load_robot("two-cable").replace(**changes)
-    return two_cable_closed_form.equilibrium_rotations(bar, (0.3, 0.0, 0.2))
 
 
 def film(name: str, **words) -> object:
@@ -48,8 +42,6 @@ REFUSED = [
     (lambda: Stage(AT_REST, largest_tension=2.0), UNSHAPED),
     (lambda: Stage(AT_REST, largest_tension=2, shapes=np.ones((1, 8, 3, 3))), "expected 2 states of 8 cables"),
     (lambda: cdpr.cable_profiles(AT_REST, points=1), "points: found 1"),
-    (lambda: closed_form(linear_density=0.01), "two-cable closed form: found linear_density in cable 1"),
-    (lambda: closed_form(pulley_radius=0.01, pulley_axis=UP), "two-cable closed form: found pulley_radius in cable 1"),
     (lambda: film("v.avi"), r"found the suffix '.avi', expected .mp4 or .gif"),
     (lambda: film("v"), "found no suffix"),
     (lambda: film("there.mp4"), "exists, expected a new place or --force"),

@@ -10,7 +10,7 @@ from cdpr_sim.analysis.workspace.feasibility import capacity_margin
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.robot_batch import RobotBatch
 
-NAN, INF = np.nan, np.inf
+INF = np.inf
 POSE = (0.3, 0.25, 0.1)
 EXITS = [[-1, 0, 1], [1, 0, 1], [0, 1, 1.0]]
 ANCHORS = [[-0.1, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]
@@ -104,7 +104,7 @@ REFUSED = [
     (robot, dict(exits=np.empty((0, 3)), anchors=np.empty((0, 3))), "exits: found no cable"),
     (robot, dict(axial_stiffness=[1e3, 0, 1e3]), "axial_stiffness: found 0 N, expected more than 0"),
     (robot, dict(mass=0), "mass: found 0 kg, expected more than 0"),
-    (robot, dict(inertia=[1, 1, 3]), "inertia: found principal moments"),
+    (robot, dict(inertia=[0.5, 2, 3]), "inertia: found principal moments"),
     (robot, dict(inertia=[1, 1, -1]), "inertia: found principal moments"),
     (robot, dict(inertia=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "inertia: found an unsymmetric matrix"),
     (robot, dict(platform_size=(1, 0, 1)), "platform_size: .*three positive edges"),
@@ -115,7 +115,6 @@ REFUSED = [
     (robot, dict(pulley_radius=[0, 1e-7, 0]), "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point"),
     (robot, dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
     (robot, dict(material="a\nb"), "material: found .*, expected printable characters only"),
-    (robot, dict(material=5), "material: found 5, expected text"),
     (robot, dict(linear_density="material"), "linear_density: found 'material' without a material"),
     # Laws whose tension falls before a strain of 20 %; test_robot.py has those that just rise.
     *[
@@ -154,7 +153,6 @@ REFUSED = [
     (problem, dict(pose=None), r"pose: found none, expected \(x, y, z\), a six-vector or a RigidTransform"),
     (problem, dict(rest_lengths=[1] * 7 + [0]), "rest_lengths: found 0 m, expected more than 0"),
     (problem, two | dict(external_wrench=[0, 1, 0, 0, 0, 0]), "external_wrench: .*planar"),
-    (problem, dict(robot="parallel"), "robot: found 'parallel', expected a Robot or a Problem"),
     (problem, dict(pose=(0.4, 0.25, 2.0)), "falls since cables cannot push"),
     *[
         (ask, dict(robot=ready, **{field: value}), f"{field}: found one beside a Problem")
@@ -165,7 +163,6 @@ REFUSED = [
     ],
     (cdpr.find_equilibria, dict(robot=of("cogiro")), "pose: found none"),
     # Many problems.
-    (problems, dict(robot="parallel"), "robot: found 'parallel', expected a Robot or Problems"),
     (problems, dict(poses=None), "poses: found none"),
     (problems, dict(poses=np.empty((0, 3))), "poses: found none"),
     (problems, dict(poses=[0.3, 0.25]), r"poses: found an array of shape \(2,\), expected \(..., 3\) or \(..., 6\)"),
@@ -249,8 +246,6 @@ REFUSED = [
     (shortfall, dict(tension_limits=(2, 1)), "tau_min <= tau_max"),
     (feasible, dict(tension_limits=([0] * 7 + [2], 1)), "in cable 8"),
     (feasible, dict(tension_limits=(-1, 1)), "expected 0 or more"),
-    (feasible, dict(tension_limits=(NAN, 1)), "expected 0 or more"),
-    (feasible, dict(tension_limits=(0, NAN)), "tau_min <= tau_max"),
     (feasible, dict(tension_limits=(0, [1, 2, 3])), "one for each of the 8 cables"),
     (feasible, dict(wrenches=np.zeros((0, 6))), "expected at least one wrench"),
     (feasible, dict(robot=two["robot"], positions=two["pose"], wrenches=np.eye(6)[1]), "wrenches: found .*planar"),

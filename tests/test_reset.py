@@ -1,7 +1,6 @@
 """``reset`` puts a model of any kind, also one from a file, at a pose, as ``to_mjcf`` would write it there."""
 
 import itertools
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,8 +8,6 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-
-MODELS = Path(__file__).parents[1] / "models"
 
 ROUNDING = 1e-12
 """Relative: pose, lengths and springs pass through quaternions and quotients; measured 1e-14."""
@@ -110,19 +107,6 @@ def test_pretension_is_an_equilibrium_at_the_pose(kind, reeving):
     cdpr.reset(model, data, pose)
     mujoco.mj_step(model, data, 500)
     assert np.abs(data.body("platform").xpos - pose).max() > 1e-6
-
-
-@pytest.mark.parametrize("file", ["scene.xml", "winch_scene.xml"])  # which include robot.xml and winch.xml
-@pytest.mark.parametrize("name", ["cogiro", "caroca", "planar-vertical"])
-def test_models_from_files_are_reset(name, file):
-    """Those in ``models/``, of a spatial robot, one with pulleys, and a planar one; they settle as ``solve`` says."""
-    robot = cdpr.load_robot(name)
-    model = mujoco.MjModel.from_xml_path(str(MODELS / name / file))
-    data, pose = mujoco.MjData(model), robot.home + 0.1 * np.ptp(robot.workspace, axis=0)
-    cdpr.reset(model, data, pose)
-    np.testing.assert_allclose(data.body("platform").xpos, pose, rtol=0, atol=ROUNDING)
-    mujoco.mj_step(model, data, round(60 / model.opt.timestep))
-    np.testing.assert_allclose(data.body("platform").xpos, cdpr.solve(robot, pose).position, rtol=0, atol=1e-6)
 
 
 def test_an_attached_model_is_reset_in_its_base_frame():

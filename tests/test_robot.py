@@ -143,11 +143,6 @@ def test_a_breaking_load_belongs_to_the_material():
     assert (rope.replace(axial_stiffness=5.0, breaking_load=7.0).breaking_load == 7.0).all()
 
 
-def test_rest_lengths_are_distances_at_the_commanded_pose():
-    """Eq. 1 and 2, by Pythagoras: exit (-1, 0, 1), anchor at (-0.1, 0, 0)."""
-    assert robot().rest_lengths((0, 0, 0))[0] == pytest.approx(np.hypot(0.9, 1.0))
-
-
 def test_rotations_are_compared_by_the_anchors_distance():
     """Root mean square of 30, 40 and 50 mm; half the platform's diagonal where all anchors lie at the origin."""
     anchors = [[0.03, 0, 0], [0, 0.04, 0], [0.03, 0, -0.04]]

@@ -46,7 +46,7 @@ def test_random_robots_settle_where_the_oracle_finds_balance_and_statics_agrees(
     Statics agrees, or each method confirms the other's own equilibrium: most platforms that are not pushed end alike.
     """
     unpushed = []
-    for seed in range(40):
+    for seed in range(20):
         robot, position, _ = random_robot(seed)
         for problem in (cdpr.Problem.of(robot, position), random_problem(seed)):
             rest, robot = cdpr.settle(problem), problem.robot
@@ -62,7 +62,7 @@ def test_random_robots_settle_where_the_oracle_finds_balance_and_statics_agrees(
             assert found.verdict is not Verdict.DISAGREE, found.reasons
             unpushed += [found.agrees] if not problem.external_wrench.any() else []
     assert np.mean(unpushed) > 0.9
-    assert len(unpushed) > 50
+    assert len(unpushed) > 25
 
 
 @pytest.mark.parametrize("aside", [0.0, 1e-5, 0.05])
@@ -314,7 +314,7 @@ def test_many_settle_as_one_by_one_on_any_threads_and_in_any_order(name, changes
 
 def test_settling_in_several_python_threads_gives_the_same_result():
     """Threads that settle the same robot at once do not share a simulation."""
-    problems = spread(cdpr.load_robot("parallel"), 40)
+    problems = spread(cdpr.load_robot("parallel"), 12)
     with concurrent.futures.ThreadPoolExecutor(4) as pool:
         together = [rest.position for rest in pool.map(cdpr.settle, problems)]
     np.testing.assert_array_equal(together, [cdpr.settle(problem).position for problem in problems])

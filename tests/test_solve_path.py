@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from test_refusals_motion import with_memory
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.status import Status
@@ -78,6 +79,20 @@ def test_more_steps_change_nothing_where_stretches_are_monotone(kind):
     few, many = (cdpr.solve_path(robot, AND_BACK, steps=steps) for steps in (1, 8))
     assert np.abs(few.positions - many.positions).max() < EXACT
     assert few.memory.strains == pytest.approx(many.memory.strains, abs=EXACT)
+
+
+def test_small_steps_go_along_the_commanded_poses():
+    """Four steps between two commands are those of a path with the poses between them, in a quarter of the time."""
+    random, robot = np.random.default_rng(0), with_memory()
+    poses = random.uniform([0.2, 0.2, 0.1, 0, 0, 0], [0.6, 0.3, 0.12, 0, 0.1, 0], (4, 6))
+    times, fine = np.array([0.0, 100.0, 300.0, 300.0]), np.arange(13) / 4
+    steps = cdpr.solve_path(robot, poses, times=times, steps=4)
+    between = np.stack([np.interp(fine, np.arange(4), column) for column in poses.T], axis=1)
+    path = cdpr.solve_path(robot, between, times=np.interp(fine, np.arange(4), times))
+    np.testing.assert_allclose(steps.tensions, path.tensions[::4], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(steps.memory.strains, path.memory.strains, rtol=0, atol=1e-10)
+    at_once = cdpr.solve_path(robot, poses, times=times)
+    assert np.abs(at_once.tensions - steps.tensions).max() > 1e-5
 
 
 def test_a_path_goes_on_from_its_memory():

@@ -85,10 +85,3 @@ def test_where_nothing_balances_the_leftover_proves_it():
     assert (there.wrench_matrix.T @ left >= -1e-9 * there.scale).all()
     # Negative control: where tensions balance the load, nothing is left over.
     assert np.abs(distribution.leftover(demand("cogiro", (0.17, 0.25, 0.1)))).max() < 1e-9
-
-
-def test_pretension_up_to_a_limit_is_taken():
-    """A platform that cables pull from both sides gets stiffer for ever; without a limit it is refused."""
-    exits, anchors = ([[x, 0, z] for z in (b, -b) for x in (-a, a)] for a, b in ((1, 1), (0.1, -0.1)))
-    robot = cdpr.Robot(exits=exits, anchors=anchors, axial_stiffness=1e4, mass=1.0, mobility="planar")
-    assert cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, 100)).tensions.max() > 99

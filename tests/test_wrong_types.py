@@ -202,6 +202,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "track": moved | dict(controller=cdpr.RigidLengths(robot), rate=40),
         "winch_controls": asked | dict(rest_lengths=found.rest_lengths),
         "workspace_hull": dict(robot=robot, depth=0, tolerance=0.1),
+        "write_robot": dict(path=folder / "robot.toml", robot=robot),
         "write_report": dict(path=folder / "page.html", robot=robot, grid=(1, 1, 1), video=False),
         "write_video": dict(path=folder / "film.mp4", trajectories=trajectory) | film,
         "Command.of": dict(answer=found.rest_lengths, cables=8),

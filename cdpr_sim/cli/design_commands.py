@@ -123,13 +123,12 @@ def design(
     if not. If no better layout is found, nothing is written.
     """
     from cdpr_sim.core import extras
-    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
     from cdpr_sim.drawing.video import writing
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.report import layout_pictures as shown
     from cdpr_sim.report.robot_summary import write_both_methods
-    from cdpr_sim.robots.robot_file_text import as_toml
 
     for path, suffixes, name in (
         (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, writing.SUFFIXES, "video"),
@@ -164,7 +163,7 @@ def design(
     with busy("Settling both layouts in MuJoCo"):
         validation = cdpr.validate_layout(result)
     if output is not None:
-        write_whole({output: as_toml(result.robot).encode()})
+        cdpr.write_robot(output, result.robot, force=force)
     if picture is not None:
         with busy("Drawing"):
             maps.write(shown.picture(validation), picture)

@@ -132,12 +132,8 @@ def import_file(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Convert a robot of another project to a robot file, and list what was left out or assumed."""
-    from cdpr_sim.core.files import check_place, write_whole
-    from cdpr_sim.robots.robot_file_text import as_toml
-
     robot = cdpr.import_robot(file, format, cables)
-    place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
-    write_whole({place: as_toml(robot).encode()})
+    place = cdpr.write_robot(output or Path(f"{robot.name}.toml"), robot, force=force)
     typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
     for note in robot.notes:
         typer.echo(f"- {note}")

@@ -4,15 +4,43 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.cable import PROPERTIES
+from cdpr_sim.core.checks import FLAG, refuse_unless
+from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.core.materials import OF_MATERIAL, Material, is_material, load_material
 from cdpr_sim.core.property import Property
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.robots.catalogue import OF_ALL, OF_WHEEL
+
+
+def write_robot(path: str | Path, robot: Robot, *, force: bool = False) -> Path:
+    """Write a robot file, which ``load_robot`` and all commands read, with exactly the numbers of ``robot``.
+
+    Fields with their default values are left out, and numbers that came from a material are written as its name.
+    ``robot.notes`` become comments.
+
+    Args:
+        path: of the file, ending in .toml.
+        robot: the robot.
+        force: whether to replace an existing file.
+
+    Returns:
+        The path.
+
+    Raises:
+        InvalidInput: a path that cannot be written, an existing file, or no robot.
+        StoreError: a full disk.
+    """
+    refuse_unless(FLAG, force=force)
+    refuse_unless(Robot, robot=robot)
+    place = check_place(path, [".toml"], force=force)
+    write_whole({place: as_toml(robot).encode()})
+    return place
 
 
 def as_toml(robot: Robot) -> str:
