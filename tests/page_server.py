@@ -96,12 +96,20 @@ def page(name: str, folder: str, blocks: list) -> None:
 
 def main() -> None:
     """Answers requests until there are no more."""
+    import distributed  # noqa: F401
+    import h5netcdf  # noqa: F401
+    import jaxtyping  # noqa: F401
+    import jinja2  # noqa: F401
+    import matplotlib.backends.backend_agg
     import matplotlib.figure  # noqa: F401
     import mujoco  # noqa: F401
-    import numpy as np  # noqa: F401
+    import numba  # noqa: F401
+    import pydantic  # noqa: F401
     import scipy.optimize
     import scipy.spatial.transform  # noqa: F401
     import typer  # noqa: F401
+    import xarray  # noqa: F401
+    import yaml  # noqa: F401
 
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what libraries print while they are loaded is no answer

@@ -64,13 +64,22 @@ CABLE_ROOMS = {
 }  # fmt: skip
 """The declaration of the properties, and what a cable does, in the terms of each method."""
 
+PHYSICS_ROOMS = {"physics.cable", "physics.pulleys", "physics.chains"}
+"""Where simulation knows what a property of a cable does; its other modules ask these."""
+
+OWN_PROPERTIES = {
+    "physics.exits": {"exit_compliance"},  # is a body of the frame on slides, and no part of a cable
+    "physics.rope_memory": {"hysteresis", "creep", "pulley_friction"},  # of which the law with a memory is made
+    "physics.settle": {"axial_stiffness"},  # an argument of settle_many
+}
+"""The properties that other modules of simulation name, and why."""
+
 FOREIGN = {f"robots.importers.{name}" for name in ("bologna", "caspr", "cdpyr", "hangprinter", "uacdpr", "wirex")}
 """They read the formats of other projects, which have names of their own for the same properties."""
 
 NAME_A_PROPERTY = {
     # arguments and keys: of robots, of robots side by side, of robot files, of importers, of a sweep's files
     "core.robot", "core.robot_batch", "robots.catalogue", "robots.importers.draft", "analysis.workspace.sweep",
-    "physics.winches",
     # the creep of MuJoCo's constraints
     "anymodel.evidence", "anymodel.model_equilibrium", "report.as_json", "report.model_tables",
 }  # fmt: skip
@@ -281,6 +290,16 @@ def test_few_modules_name_a_property_of_cables():
     }
     assert naming == NAME_A_PROPERTY
     assert len(naming) <= 10
+
+
+def test_simulation_knows_a_property_in_its_room():
+    """All count here, EA and force limits included; not exits and anchors, which are points of the robot."""
+    counted, found = PROPERTIES.keys() - {"exits", "anchors"}, {}
+    for module, tree in trees().items():
+        if folder(module) == "physics" and (named := counted & set(words(tree))):
+            found[module] = named
+    assert found.keys() >= PHYSICS_ROOMS
+    assert {module: named for module, named in found.items() if module not in PHYSICS_ROOMS} == OWN_PROPERTIES
 
 
 def words(tree: ast.Module) -> Iterator[str]:

@@ -900,7 +900,7 @@ def balanced(at: Case, model: mujoco.MjModel, **given) -> Judge:
 @row(
     "winch_controls",
     "to_mjcf",
-    refuses=NO_MEMORY | {("frame", "law"): "beside stiffening, expected one of them"},
+    refuses=NO_MEMORY | {("frame", "law"): "beside nonlinear cables, expected one of them"},
     few=6,
     only=steppable,
 )

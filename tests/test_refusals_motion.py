@@ -172,6 +172,7 @@ INVALID = [
         for call, names, values in NUMBERS for name in names.split() for value in values),
     # Motions.
     (lambda _: track(rate=1e9), "rate: found 1e+09 Hz"),
+    (lambda _: track(cable_damping=1e300), "cable_damping: found 1e+300, expected 0 to 1"),
     (lambda _: track(seconds=1e9), "seconds: found 1e+09"),
     (lambda _: track(sensors=100), "sensors: found 100, expected Sensors"),
     (lambda _: track(controller=7), "controller: found 7, expected an object with a method 'start'"),
@@ -205,8 +206,8 @@ INVALID = [
     (lambda _: model_of(damping="some"), "expected 'settle', 'none' or a loss factor from 0 to 1"),
     (lambda _: model_of(damping=True), "damping: found True, expected"),
     (lambda _: model_of(NONLINEAR, damping=0.02), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
-    (lambda _: model_of(STEEL.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside linear_density"),
-    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside stiffening"),
+    (lambda _: model_of(STEEL.replace(**FLEXIBLE), winches=True), "exit_compliance in cable 1 beside cables with mass"),
+    (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), winches=True), "in cable 1 beside nonlinear cables"),
     (lambda _: model_of(STEEL.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
     (lambda _: model_of(NONLINEAR.replace(**FLEXIBLE), damping="none"), "damping: found exit_compliance in cable 1"),
     (lambda _: cdpr.winch_controls(COGIRO, COGIRO.home, 0 * OFF), "found 0 m for cable 1, expected 0.… to 1.… m"),

@@ -169,6 +169,22 @@ def test_overdamped_cables_pull_evenly():
     assert motion.tensions.max() < robot.weight  # five times as much where they jerk
 
 
+def test_overdamped_chains_follow_their_winches():
+    """A damper that would push takes its spring's pull and no more: chains flew apart where it left the spring."""
+    robot, line = STIFF.replace(linear_density=5e-4), [STIFF.home, STIFF.home + np.array([0.02, 0.0, 0.0])]
+    motion = cdpr.track(robot, line, RigidLengths(robot), seconds=0.1, cable_damping=0.1)
+    assert np.abs(motion.positions[-1] - line[1]).max() < 1e-3  # the platform follows to a twentieth of the way
+
+
+def test_a_simulation_that_becomes_unstable_is_said_and_gives_the_finite_part(monkeypatch):
+    """Its last state, which is not finite, is neither measured nor returned."""
+    monkeypatch.setattr("cdpr_sim.physics.track.MOST_CABLE_DAMPING", np.inf)
+    with pytest.raises(cdpr.PlatformFell, match="the simulation in MuJoCo became unstable") as fell:
+        cdpr.track(ROBOT, LINE, RigidLengths(ROBOT), seconds=0.6, cable_damping=1e300)
+    assert fell.value.trajectory is not None
+    assert np.isfinite(fell.value.trajectory.positions).all()
+
+
 # Commands and references.
 
 

@@ -243,15 +243,16 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
     return number
 
 
-def from_zero(field: str, value: ArrayLike) -> float:
-    """A single number of 0 or more.
+def from_zero(field: str, value: ArrayLike, most: float = np.inf) -> float:
+    """A single number of 0 or more, and at most ``most``.
 
     Raises:
         InvalidInput: any other value.
     """
     number = float(checked_array(field, value, ()))
-    if number < 0:
-        raise InvalidInput(f"{field}: found {number:g}, expected 0 or more")
+    if not 0 <= number <= most:
+        limits = "0 or more" if np.isinf(most) else f"0 to {most:g}"
+        raise InvalidInput(f"{field}: found {number:g}, expected {limits}")
     return number
 
 

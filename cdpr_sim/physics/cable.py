@@ -10,17 +10,25 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from cdpr_sim.core.cable import MOST_STRAIN, Cabling
+from cdpr_sim.core.memory import without_memory
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.robot import Robot
 
 STRETCHINGS, LEAST_SLOPE, EXACT = 30, 0.01, 1e-13
 """Largest number of Newton steps to the stretch under a pull, of which a handful suffice; the least slope of a spring
 that they assume, as a fraction of its slope at rest; and the fraction of the stretch that ends them."""
+
+STRENGTH = 0.015
+"""Strength of a rope, as a fraction of EA, where neither its largest tension nor its breaking load is known. The fibre
+and steel ropes of the catalogue break at 0.0156 to 0.0177 of their EA."""
 
 
 class Springs(NamedTuple):
@@ -93,18 +101,27 @@ class Law:
     linear: bool
 
     @classmethod
-    def of(cls, cabling: Cabling, axial_stiffness: Float[np.ndarray, "*#batch cables"] | None = None) -> Law:
-        """The law of a robot's cables, with another EA [N] if given."""
-        stiffness = cabling.axial_stiffness if axial_stiffness is None else axial_stiffness
+    def of(cls, cabling: Cabling) -> Law:
+        """The law of a robot's cables."""
         square, cube = cabling.stiffening.T
         lengths = cabling.winch_to_exit, cabling.rigid_length
         held = cabling.has("pulley_friction")
-        return cls(stiffness, square, cube, cabling.reeving, *lengths, held, cabling.linear)
+        return cls(cabling.axial_stiffness, square, cube, cabling.reeving, *lengths, held, cabling.linear)
+
+    @classmethod
+    def of_rows(cls, problems: Problems) -> Law:
+        """The law of the cables of (rows,) problems, which may have an EA of their own."""
+        whole, shape = cls.of(problems.robot.cabling), (len(problems), problems.robot.cables)
+        return replace(whole, stiffness=np.broadcast_to(problems.axial_stiffness, shape))
+
+    def at(self, rows: Any) -> Law:
+        """The law of some rows."""
+        return replace(self, stiffness=self.stiffness[rows])
 
     def some(self, which: Any) -> Law:
         """The law of some cables, by an index of the last dimension."""
-        numbers = {name: getattr(self, name)[..., which] for name in self.__dict__ if name != "linear"}
-        return replace(self, **numbers)
+        names = [one.name for one in fields(self) if one.name != "linear"]
+        return replace(self, **{name: getattr(self, name)[..., which] for name in names})
 
     @property
     def behind(self) -> Float[np.ndarray, " cables"]:
@@ -159,16 +176,33 @@ class Law:
         """Rest lengths of cables with these strains that are ``lengths`` long [m]."""
         return (lengths - strains * self.added) / (1 + strains)
 
+    @cached_property
+    def _shared(self) -> Float[np.ndarray, "*#batch cables"]:
+        """Stiffness of tendons for a metre of rope [N]: all parts of line pull, and each is as many times shorter."""
+        return self.parts * self.parts * self.stiffness
+
     def _over(self, ropes: Float[np.ndarray, "*#batch"]) -> Springs:
         """Springs of tendons for ropes of these unstretched lengths [m]."""
-        parts = self.parts
-        stiffness = parts * parts * self.stiffness / ropes
+        parts, stiffness = self.parts, self._shared / ropes
         if self.linear:
             none = np.zeros(stiffness.shape)
             return Springs(stiffness, none, none)
         squares = ropes * ropes
         square = parts**3 * (self.stiffness * self.square) / squares
         return Springs(stiffness, square, parts**4 * (self.stiffness * self.cube) / (squares * ropes))
+
+
+def strengths(cabling: Cabling) -> tuple[Float[np.ndarray, " cables"], Bool[np.ndarray, " cables"]]:
+    """Tensions that ropes and winches bear [N]; and of which cables they are known, and not ``STRENGTH`` EA."""
+    limits = np.minimum(cabling.force_max, cabling.breaking_load)
+    known = np.isfinite(limits)
+    return np.where(known, limits, STRENGTH * cabling.axial_stiffness), known
+
+
+def from_exit_on(robot: Robot) -> Cabling:
+    """The cables of a robot from their exits on: without friction there, and without rope behind."""
+    ropes = dict(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
+    return without_memory(robot).replace(**ropes).cabling
 
 
 def in_words(cabling: Cabling) -> tuple[str, str]:

@@ -344,7 +344,7 @@ def add_chains(
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
             drag = None if damping is None else damping[cable] / lengths[k]
-            for name, axis, at in zip("xyz", np.eye(3), along, strict=True):
+            for name, axis, at in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), along, strict=True):
                 add(parent, "joint", name=f"{name}_{i}_{k}", type="slide", axis=axis, ref=at, damping=drag)
             add(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
             place = np.zeros(3)

@@ -27,7 +27,7 @@ from scipy.linalg import eigh
 from cdpr_sim.core.checks import as_numbers
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.tendons import jacobian
+from cdpr_sim.physics.tendons import Jacobian
 
 Damping: TypeAlias = float | Literal["settle", "none"]
 """What damps the platform: the argument of ``to_mjcf``."""
@@ -86,7 +86,7 @@ def stiffest(
     names = np.where(robot.cabling.with_mass, "chord", "cable")
     cables = np.array([model.tendon(f"{name}_{i + 1}").id for i, name in enumerate(names)])
     mujoco.mj_forward(model, data)
-    stretch, mass = jacobian(model, data.ten_J)[cables][:, free].T, np.zeros((len(free), model.nv))
+    stretch, mass = Jacobian(model).of(data.ten_J)[cables][:, free].T, np.zeros((len(free), model.nv))
     for coordinate, unit in enumerate(np.eye(len(free), model.nv)):
         mujoco.mj_mulM(model, data, mass[coordinate], unit)
     mass = mass[:, free]

@@ -236,7 +236,7 @@ def fallen(
     platform: int,
 ) -> str | None:
     """Reason why the platform, with this commanded pose, has fallen, as text; None if it has not."""
-    if data.warning.number.any():
+    if data.warning.number.any() or not np.isfinite(data.xpos[platform]).all():
         return "the simulation in MuJoCo became unstable"
     away, limit = np.linalg.norm(data.xpos[platform] - position), FALLEN * rest_lengths.mean()
     if not away <= limit:

@@ -54,7 +54,8 @@ def refuse_wound(cabling: Cabling) -> None:
         InvalidInput: some cable gives way, and some has mass or a nonlinear law.
     """
     if not cabling.rigid_exits and not (cabling.massless and cabling.linear):
-        cable, beside = int(np.argmax(cabling.moving_exits)), "stiffening" if cabling.massless else "linear_density"
+        cable = int(np.argmax(cabling.moving_exits))
+        beside = "nonlinear cables" if cabling.massless else "cables with mass"
         raise InvalidInput(
             f"winches: found exit_compliance in cable {cable + 1} beside {beside}, expected one of them in a model "
             "with winches; drive and track take both"

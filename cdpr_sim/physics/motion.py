@@ -34,7 +34,7 @@ from math import ceil
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.memory import Memory
@@ -43,7 +43,7 @@ from cdpr_sim.physics.chains import ChainDivision, cut, plucked
 from cdpr_sim.physics.exits import STEPS, MovingExits
 from cdpr_sim.physics.rope_motion import RopeMotion, RopeState
 from cdpr_sim.physics.simulations import UNUSED, Observation, Simulations, matrices
-from cdpr_sim.physics.tendons import jacobian
+from cdpr_sim.physics.tendons import Jacobian
 
 CHAINS = 0.6
 """θ of motions on chains: above a half, so that oscillations of their masses that the steps do not resolve decay to two
@@ -123,8 +123,7 @@ class Motion:
             data.xfrc_applied[simulation.origin] = simulation.wrenches[row]
         self.platform, self.time = simulation.platform, 0.0
         self.let_out = simulation.rest_lengths[row].copy()
-        self.motors, self.tensions = np.zeros(self.robot.cables, dtype=bool), np.zeros(self.robot.cables)
-        self._name_fields()
+        self.hold(np.zeros(self.robot.cables, dtype=bool), np.zeros(self.robot.cables))
         self._ropes, self._sticks = None, np.zeros(self.robot.cables, dtype=bool)
         if len(simulation.with_memory):
             self._ropes = RopeMotion(self.robot, Memory.fresh(self.robot, (1,)) if memory is None else memory)
@@ -140,7 +139,7 @@ class Motion:
         self._options = model.opt
         self._qpos, self._qvel, self._lengths = data.qpos, data.qvel, data.ten_length
         self._applied, self._dampers, self._sparse = data.qfrc_applied, model.tendon_damping, data.ten_J
-        self._dense: Float[np.ndarray, "tendons dofs"] | None = None
+        self._rates_of, self._dense = Jacobian(model), None
         # Of the law without memory; MuJoCo's springs of cables with one are switched off.
         self._stiffness, self._further = simulation.stiffnesses[row].copy(), simulation.further[row].copy()
         self._bands, self._wound = simulation.bands[row, :, 1].copy(), self.let_out if simulation.given else None
@@ -156,14 +155,18 @@ class Motion:
         self._pulls, self._slopes = np.zeros((2, model.ntendon))  # of those
         swivels = simulation.swivels
         frames = matrices(model.body_quat[swivels.bodies])
-        self._sites = data.site_xpos
+        self._sites, self._places = data.site_xpos, data.xpos
         self._axes, self._straight = np.moveaxis(frames, -1, 0)[:2].copy(), model.qpos0[swivels.coordinates]
         if self._heavy and not simulation.given:
             self._division = ChainDivision(*(part[row : row + 1] for part in simulation.division))
         self._rates = self._still = np.zeros(self.robot.cables)
-        self._evaluated = self._qvel.copy(), self.longest
         self._exits = MovingExits.of(simulation.frames, self.robot, simulation.first)
+        self._gives_way = len(self._exits) > 0
         self._gives = np.zeros(model.ntendon)  # by how much exits give way along their tendons [m/N]
+
+    def hold(self, motors: Bool[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"]) -> None:
+        """From now on, let these ``motors`` hold ``tensions`` [N]."""
+        self.motors, self.tensions, self._some_motors = motors, tensions, bool(motors.any())
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
         """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
@@ -198,16 +201,16 @@ class Motion:
 
     def _begin(self, step: float, wanted: Winches) -> None:
         """The acceleration now, at the beginning of steps in which winches run otherwise than before."""
-        held, rates = self.motors, self._rates
+        rates, (velocity, earlier, held) = self._rates, self._evaluated
         self._rates = (wanted(step, step) - self.let_out) / step
-        switched = held.any() or self.motors.any()
+        switched = held or self._some_motors
         if switched:
             self._remember(0.0)
         if switched or (self._cable_damping and (rates != self._rates).any()):
-            qvel, evaluated = self._qvel.copy(), self._evaluated
-            self._qvel[:] = evaluated[0]
-            self._acceleration = self._accelerated(evaluated[1])
-            self._qvel[:], self._evaluated = qvel, evaluated
+            qvel = self._qvel.copy()
+            self._qvel[:] = velocity
+            self._acceleration = self._accelerated(earlier)
+            self._qvel[:] = qvel
 
     def _verlet(self, step: float, wanted: Winches, passed: float) -> None:
         """One step, after which so many seconds will have ``passed``."""
@@ -245,7 +248,7 @@ class Motion:
         model, data, swivels = self.model, self.data, self.simulation.swivels
         if len(swivels.coordinates):
             mujoco.mj_kinematics(model, data)
-            away = self._sites[swivels.faced] - data.xpos[swivels.bodies]
+            away = self._sites.take(swivels.faced, 0) - self._places.take(swivels.bodies, 0)
             x, y = np.vecdot(self._axes, away)
             self._qpos[swivels.coordinates] = self._straight + np.arctan2(y, x)
             self._qvel[swivels.dofs] = 0
@@ -258,7 +261,7 @@ class Motion:
     def _jacobian(self) -> Float[np.ndarray, "tendons dofs"]:
         """Rates of the tendons' lengths by velocities, at the present positions."""
         if self._dense is None:
-            self._dense = jacobian(self.model, self._sparse)
+            self._dense = self._rates_of.of(self._sparse)
         return self._dense
 
     def _let_out(self, lengths: Float[np.ndarray, " cables"], step: float) -> None:
@@ -316,9 +319,9 @@ class Motion:
         if self._heavy:
             within[self._chains.cables] = self._bands[self._chains.segments[:, 1:]].sum(1)
         lengths = self._lengths[simulation.first] - simulation.entries + within
-        slopes = self._theta is not None or len(self._exits) > 0
+        slopes = self._theta is not None or self._gives_way
         state = ropes.at(lengths, self.let_out, seconds, within, slopes=slopes)
-        if self.motors.any() and not self._heavy:
+        if self._some_motors and not self._heavy:
             state = state.where(self.motors, ropes.under(lengths, self.tensions, seconds))
         which = simulation.with_memory
         self._pulls[self._foreign], self._slopes[self._foreign] = state.pulls[which], state.slopes[which]
@@ -326,14 +329,14 @@ class Motion:
 
     def _balance_exits(self) -> None:
         """Put exits that give way where the forces of springs balance."""
-        for _ in range(STEPS if len(self._exits) else 0):
+        for _ in range(STEPS if self._gives_way else 0):
             if not self._move_exits():
                 break
 
     def _move_exits(self) -> bool:
         """One step of exits that give way towards where the forces of springs balance; whether they moved."""
         exits, led = self._exits, self._exits.tendons
-        if not len(exits):
+        if not self._gives_way:
             return False
         lengths = self._lengths[led]
         stretch = np.maximum(lengths - self._bands[led], 0.0)
@@ -342,7 +345,7 @@ class Motion:
         if self._ropes is not None:
             own = np.isin(led, self._foreign)
             pulls, slopes = np.where(own, self._pulls[led], pulls), np.where(own, self._slopes[led], slopes)
-        elif self.motors.any():
+        elif self._some_motors:
             held = self.motors[exits.cables] & np.isin(led, self.simulation.single)
             pulls = np.where(held, self.robot.cabling.pulls(self.tensions)[exits.cables], pulls)
             slopes = np.where(held, 0.0, slopes)
@@ -354,7 +357,7 @@ class Motion:
     def _accelerated(self, step: float) -> Float[np.ndarray, " dofs"]:
         """The acceleration for a step, by MuJoCo's implicit integrator; the state does not change."""
         qvel, later = self._qvel, self._set_out(step)
-        self._evaluated = before, _ = qvel.copy(), step
+        self._evaluated = before, *_ = qvel.copy(), step, self._some_motors
         qpos = self._qpos.copy()
         mujoco.mj_step2(self.model, self.data)
         acceleration = (qvel - before) / later
@@ -363,7 +366,7 @@ class Motion:
 
     def _set_out(self, step: float) -> float:
         """Forces and dampers for a step, and τ as the time step of MuJoCo's integrator; returns τ [s]."""
-        later, self._some_motors = self._later(step), bool(self.motors.any())
+        later = self._later(step)
         if self._theta is not None:  # springs of the instant at which they act
             self._wind(self.let_out if self._rates is self._still else self.let_out + later * self._rates)
         self._balance_exits()
@@ -401,7 +404,9 @@ class Motion:
             self._dampers[:] = 0.0 if resisting is None else resisting
             return pull
         velocity, winding = self._jacobian @ self._qvel, self._winding()
-        drag = self._cable_damping * slope * self._stretching(slope) ** 2
+        drag = self._cable_damping * slope
+        if self._gives_way:
+            drag *= self._stretching(slope) ** 2
         if self._ropes is not None:
             own, slides = self._foreign, (self.motors & ~self._sticks)[simulation.with_memory]
             extra = np.zeros_like(pull) if extra is None else extra
@@ -420,12 +425,14 @@ class Motion:
             if resisting is not None:
                 resisting[held] = 0.0
         total = pull + drag * (velocity - winding)
-        pushes = total < 0
-        if pushes.any():  # no cable does; implicit springs decide that for the end of the step
-            drag[pushes], total[pushes] = 0.0, 0.0 if resisting is None else pull[pushes]
+        if total.min() < 0:  # no cable does
+            pushes = total < 0
+            total[pushes] = 0.0
             if resisting is None:
                 extra = np.zeros_like(pull) if extra is None else extra
-                extra[pushes] = -pull[pushes]
+                drag[pushes], extra[pushes] = 0.0, -pull[pushes]
+            else:  # as much as takes the pull now, since at the end of the step it may pull
+                drag[pushes] = (pull / np.where(pushes, winding - velocity, 1.0))[pushes]
         forces = drag * winding
         self._applied[:] = (forces if extra is None else forces - extra) @ self._jacobian
         self._dampers[:] = drag if resisting is None else resisting + drag
@@ -438,7 +445,7 @@ class Motion:
 
     def _stretching(self, slopes: Float[np.ndarray, " tendons"]) -> Float[np.ndarray, " tendons"] | float:
         """Parts of motions along tendons of these slopes [N/m] that stretch them; exits take the rest."""
-        return 1 / (1 + slopes * self._gives) if len(self._exits) else 1.0
+        return 1 / (1 + slopes * self._gives) if self._gives_way else 1.0
 
     def _winding(self) -> Float[np.ndarray, " tendons"]:
         """Rates at which the rest lengths of tendons change [m/s]."""

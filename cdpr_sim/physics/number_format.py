@@ -24,13 +24,15 @@ motion."""
 
 def text(values: float | Sequence[float] | np.ndarray) -> str:
     """``repr`` of each double, whole numbers without ``.0``, zero without a sign."""
-    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in np.atleast_1d(values))
+    numbers = np.asarray(values, dtype=float).ravel().tolist()
+    return " ".join(repr(number + 0.0).removesuffix(".0") for number in numbers)
 
 
 def add(parent: ET.Element, tag: str, attributes: Mapping[str, Any] = NONE, /, **further: Any) -> ET.Element:
     """``ET.SubElement`` with numbers as ``text``, and without the attributes that are None."""
-    every = {name: value for name, value in {**attributes, **further}.items() if value is not None}
-    return ET.SubElement(parent, tag, {name: v if isinstance(v, str) else text(v) for name, v in every.items()})
+    every = {**attributes, **further}.items()
+    written = {name: v if isinstance(v, str) else text(v) for name, v in every if v is not None}
+    return ET.SubElement(parent, tag, written)
 
 
 def add_inertia(body: ET.Element, mass: float, inertia: float) -> None:

@@ -69,6 +69,11 @@ def circumferences(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     return 2 * np.pi * cabling.pulley_radius
 
 
+def arriving(cabling: Cabling) -> Float[np.ndarray, "cables 3"]:
+    """Unit vectors along which cables arrive at their exits."""
+    return cabling.pulley_axis
+
+
 def add_defaults(defaults: ET.Element) -> None:
     """Classes of auxiliary elements: they are in a group that viewers hide."""
     hidden = add(defaults, "default", {"class": "guide"})
@@ -191,8 +196,8 @@ class Swivels:
             bodies=numbered(model, kinds.mjOBJ_BODY, prefix + "pulley_{}", count)[over],
             anchors=anchors[over],
             faced=np.where(masses >= 0, masses, anchors)[over],
-            coordinates=model.jnt_qposadr[joints],
-            dofs=model.jnt_dofadr[joints],
+            coordinates=model.jnt_qposadr[joints].astype(int),
+            dofs=model.jnt_dofadr[joints].astype(int),
             radii=model.geom_size[grooves[over], 0],
         )
 

@@ -20,7 +20,7 @@ from cdpr_sim.physics.cable import Springs
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, fixed_ends, hang, shape, straight
 from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
-from cdpr_sim.physics.tendons import jacobian
+from cdpr_sim.physics.tendons import Jacobian
 from cdpr_sim.physics.winches import LEAST_SPARE, controls
 
 LEAST_GRAVITY = 1e-100
@@ -384,7 +384,7 @@ def _strains(
         raise InvalidInput("pretension: found nonlinear cables, expected linear ones; use rest_lengths for these")
     first = int(model.body_dofadr[parts.platform])
     dofs = np.arange(first, first + int(model.body_dofnum[parts.platform]))
-    matrix = -jacobian(model, data.ten_J)[parts.cables][:, dofs].T * parts.parts_of_line
+    matrix = -Jacobian(model).of(data.ten_J)[parts.cables][:, dofs].T * parts.parts_of_line
     load = -data.qfrc_bias[dofs].copy()
     turning = slice(3, 6) if len(dofs) == 6 else slice(2, 3)
     arm = np.linalg.norm(model.site_pos[parts.anchors], axis=1).max()

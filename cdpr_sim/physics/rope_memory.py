@@ -36,8 +36,7 @@ from jaxtyping import Bool, Float
 from mujoco.batch import Batch
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.memory import Memory, without_memory
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.cable import Law, Springs
 
 PerCable: TypeAlias = Float[np.ndarray, "rows cables"]
@@ -67,11 +66,6 @@ def largest_ratio(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     """Largest ratio rho of the tensions before and behind an exit; the least one is 1/rho."""
     friction = cabling.pulley_friction
     return (1 + friction / 2) / (1 - friction / 2)
-
-
-def from_exit_on(robot: Robot) -> Robot:
-    """The robot with the ropes from their exits on: without friction, and without rope behind."""
-    return without_memory(robot).replace(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
 
 
 def add_elements(spec: mujoco.MjSpec, cabling: Cabling) -> None:
@@ -163,17 +157,16 @@ class RopeStep:
     def of(
         cls,
         cabling: Cabling,
-        axial_stiffness: Float[np.ndarray, "*#rows cables"],
+        law: Law,
         rest_lengths: PerCable,
         memory: Memory,
         duration: float = 0.0,
     ) -> RopeStep:
-        """The step of ``duration`` [s] from ``memory``, of (rows,) paths, with these rest lengths.
+        """The step of ``duration`` [s] from ``memory``, of (rows,) paths, with this law and these rest lengths.
 
         Friction lets the rope's tension before the exit differ from that behind it by factors within [1/rho, rho]. The
         rope pulls by ``most`` per stretch where it slides out, and by ``least`` where it slides in.
         """
-        law = Law.of(cabling, axial_stiffness)
         parts, behind, beyond = law.strained.stiffness, law.behind, law.ropes(rest_lengths)
         ropes = beyond + behind
         c = _friction(cabling)

@@ -19,7 +19,8 @@ from jaxtyping import Bool, Float
 
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.rope_memory import RopeStep, from_exit_on, largest_ratio
+from cdpr_sim.physics.cable import Law, from_exit_on
+from cdpr_sim.physics.rope_memory import RopeStep, largest_ratio
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class RopeMotion:
     """
 
     def __init__(self, robot: Robot, memory: Memory) -> None:
-        self.memory, self._robot, self._cabling = memory, robot, robot.cabling
-        self._rho, self._bare = largest_ratio(self._cabling), from_exit_on(robot).cabling
+        self.memory, self._cabling, self._bare = memory, robot.cabling, from_exit_on(robot)
+        self._rho, self._law = largest_ratio(self._cabling), Law.of(self._cabling)
 
     def at(
         self,
@@ -82,7 +83,7 @@ class RopeMotion:
         Of chains, ``within`` [m] is the rest length of all segments but the first, in which the memory acts. Without
         ``slopes``, these are 0.
         """
-        step = RopeStep.of(self._cabling, self._robot.axial_stiffness, rest_lengths[None], self.memory, seconds)
+        step = RopeStep.of(self._cabling, self._law, rest_lengths[None], self.memory, seconds)
         if within.any():
             step = step.in_chain(rest_lengths[None] - within)
         pulls = step.pulls(step.stretches(lengths[None]))
@@ -95,19 +96,19 @@ class RopeMotion:
         self, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"], seconds: float
     ) -> RopeState:
         """Cables of these ``lengths`` [m] whose winches hold ``tensions`` [N] and run as fast as that takes."""
-        stiffness, beyond = self._robot.axial_stiffness, self.memory.beyond[0]
-        step = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
+        law, beyond = Law.of(self._bare), self.memory.beyond[0]
+        step = RopeStep.of(self._bare, law, beyond[None], self.memory, seconds)
         unmoved, wanted = step.pulls(step.stretches(lengths[None]))[0], self._cabling.pulls(tensions)
         pulls = np.clip(unmoved, wanted / self._rho, wanted * self._rho)
         sticks = (pulls == unmoved) & (self._rho > 1)
         stretches = step.stretches_under(pulls[None])
         crept = (step.lasting + step.growing * pulls[:, None]).sum(-1)
-        slid = step.law.rest_lengths((stretches / step.ropes + crept)[0], lengths)
+        slid = law.rest_lengths((stretches / step.ropes + crept)[0], lengths)
         beyond = np.where(sticks, beyond, slid)
-        moved = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
+        moved = RopeStep.of(self._bare, law, beyond[None], self.memory, seconds)
         held = self._cabling.tensions(pulls)
         memory = moved.memory_after(lengths[None], held[None])
         # What is behind has the tension of the winch.
-        behind = 1 + step.law.strains(lengths, beyond) + (tensions - held) / stiffness
-        rest_lengths = beyond - self._cabling.behind * (behind - 1) / behind
+        behind = 1 + law.strains(lengths, beyond) + (tensions - held) / law.stiffness
+        rest_lengths = beyond - self._law.behind * (behind - 1) / behind
         return RopeState(pulls, np.zeros_like(pulls), rest_lengths, sticks, replace(memory, beyond=beyond[None]))

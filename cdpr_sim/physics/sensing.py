@@ -51,7 +51,10 @@ class Readings:
 
 def pose_of(reading: Float[np.ndarray, "*rows 7"]) -> RigidTransform:
     """The pose of a reading of position and quaternion, or of many."""
-    return RigidTransform.from_components(reading[..., :3], Rotation.from_quat(reading[..., 3:], scalar_first=True))
+    frames = np.zeros((*reading.shape[:-1], 4, 4))  # one of components takes SciPy twice as long
+    frames[..., :3, :3] = Rotation.from_quat(reading[..., 3:], scalar_first=True).as_matrix()
+    frames[..., :3, 3], frames[..., 3, 3] = reading[..., :3], 1.0
+    return RigidTransform.from_matrix(frames)
 
 
 def recorded(robot: Robot, wanted: RigidTransform, times: Float[np.ndarray, " ticks"], seen: list[Seen]) -> Trajectory:

@@ -45,7 +45,7 @@ from cdpr_sim.physics.exits import Slides
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.quiet import quiet
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
-from cdpr_sim.physics.tendons import jacobian
+from cdpr_sim.physics.tendons import Jacobian
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
@@ -180,7 +180,7 @@ class Simulations:
         self._loads, self._damper, self._jacobian, self.ten_length, self.xpos = (
             batch.bind(name)[:rows] for name in names
         )
-        self._frames = matrices(self.model.body_quat[self.swivels.bodies])
+        self._rates, self._frames = Jacobian(self.model), matrices(self.model.body_quat[self.swivels.bodies])
         if len(self.swivels):
             self._sites, self._points = batch.bind("site_xpos")[:rows], batch.bind("ten_wrapnum")[:rows]
 
@@ -196,8 +196,8 @@ class Simulations:
             InvalidInput: a wrench on a model without a body ``origin``.
         """
         robot, cabling, rows = self.robot, self.robot.cabling, len(self.all)
-        names = "positions", "rotations", "rest_lengths", "axial_stiffness", "external_wrench"
-        *self._from, self.rest_lengths, self.axial_stiffness, self.wrenches = fields = [
+        names, self.law = ("positions", "rotations", "rest_lengths", "external_wrench"), Law.of_rows(problems)
+        *self._from, self.rest_lengths, self.wrenches = fields = [
             np.empty((rows, *getattr(problems, name).shape[-OWN_AXES[name] :])) for name in names
         ]
         for name, field in zip(names, fields, strict=True):
@@ -212,7 +212,7 @@ class Simulations:
         self.weights, self.ropes = self._weights(), None
         if len(self.with_memory):
             self._before, duration = before, _ = memory or (Memory.fresh(robot, (rows,)), 0.0)
-            self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
+            self.ropes = RopeStep.of(cabling, self.law, self.rest_lengths, before, duration)
         if not self.given:
             if self.heavy:
                 division = straight(ends_of(cabling))
@@ -262,7 +262,7 @@ class Simulations:
         choose points of reference.
         """
         chains, cabling, rest, row = self.chains, self.robot.cabling, self.rest_lengths[at], at[:, None]
-        law = Law.of(cabling, self.axial_stiffness[at])
+        law = self.law.at(at)
         springs = law.springs(rest)
         self.bands[row, self.single, 1] = (rest + self.entries)[:, self.massless]
         self.stiffnesses[row, self.single] = springs.stiffness[:, self.massless] / self.unit
@@ -337,7 +337,7 @@ class Simulations:
         heavy = sorted(set(self.with_memory) & set(self.chains.cables))
         if heavy:
             pulls = self._along(self.all, [self.first[[cable]] for cable in heavy])
-            tensions[:, heavy] = pulls / Law.of(self.robot.cabling).parts[heavy]
+            tensions[:, heavy] = pulls / self.law.parts[heavy]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
     def memory_of(self, row: int) -> Memory | None:
@@ -347,7 +347,7 @@ class Simulations:
     def _weights(self) -> Float[np.ndarray, "rows chains"]:
         if not self.heavy:
             return np.zeros((len(self.all), 0))
-        beyond = Law.of(self.robot.cabling).ropes(self.rest_lengths) - self.robot.wrapped_lengths
+        beyond = self.law.ropes(self.rest_lengths) - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[:, self.chains.cables]
 
     def observe(self, at: Rows) -> Observation:
@@ -591,7 +591,7 @@ class Simulations:
         """
         if self.heavy:  # wheels may have turned
             self.batch.forward(at, stage=POSITIONS)
-        rates, springs = jacobian(self.model, self._jacobian[at]), self._alone(at, sets)
+        rates, springs = self._rates.of(self._jacobian[at]), self._alone(at, sets)
         if self._gives_way:
             rates[..., self.frames.dofs[self.frames.some]] = 0  # where the frame's springs act, too
         ways = np.ascontiguousarray(rates[:, [tendons[0] for tendons in sets]])
@@ -671,7 +671,7 @@ class Simulations:
         """``chains.expected_pulls``, as of MuJoCo's last call."""
         cables, weights = self.chains.cables, self.weights[at][..., None] * [0.0, 0.0, -1.0]
         strains = self.chords(at) / self.rest_lengths[at][:, cables] - 1
-        stiffness = self.robot.cabling.pulls(self.axial_stiffness[at])[:, cables]
+        stiffness = self.law.at(at).strained.stiffness[:, cables]
         return expected_pulls(self.spans(at), strains, stiffness, weights)
 
     def spans(self, at: Rows) -> Float[np.ndarray, "some chains 3"]:

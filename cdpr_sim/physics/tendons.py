@@ -95,13 +95,18 @@ def add_tendons(
     return tendons
 
 
-def jacobian(
-    model: mujoco.MjModel, entries: Float[np.ndarray, "*rows entries"]
-) -> Float[np.ndarray, "*rows tendons dofs"]:
-    """Rates of the tendons' lengths by velocities, from MuJoCo's sparse ``ten_J``."""
-    whole = np.zeros((*entries.shape[:-1], model.ntendon, model.nv))
-    whole[..., np.repeat(np.arange(model.ntendon), model.ten_J_rownnz), model.ten_J_colind] = entries
-    return whole
+class Jacobian:
+    """Rates of a model's tendons' lengths by velocities, from MuJoCo's sparse ``ten_J``."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._shape = model.ntendon, model.nv
+        self._places = np.repeat(np.arange(model.ntendon) * model.nv, model.ten_J_rownnz) + model.ten_J_colind
+
+    def of(self, entries: Float[np.ndarray, "*rows entries"]) -> Float[np.ndarray, "*rows tendons dofs"]:
+        """The rates with these ``ten_J``."""
+        whole = np.zeros((*entries.shape[:-1], self._shape[0] * self._shape[1]))
+        whole[..., self._places] = entries
+        return whole.reshape(*entries.shape[:-1], *self._shape)
 
 
 def add_twin(tendons: ET.Element, name: str, cable: int, length: float, group: int | None = None) -> None:

@@ -51,6 +51,9 @@ CABLE_DAMPING = 2.5e-4
 """[s] Assumed: a loss factor of 2 % at the 10 Hz of ``cogiro``'s motion of least stiffness on fishing line, of 5 % at
 Vectran's 33 Hz."""
 
+MOST_CABLE_DAMPING = 1.0
+"""[s] Such a cable's stretch decays in seconds. Chains became unstable beyond 3 s, for ``segesta``."""
+
 ROUNDING = 1e-9
 """Rounding of a length or a number of steps, as a fraction."""
 
@@ -91,7 +94,8 @@ def track(
         sensors: properties of the sensors.
         winch_speed: largest rate at which a rest length changes [m/s].
         damping: damping of the platform's slowest oscillation by the air, as a fraction of critical.
-        cable_damping: damping of each cable: its resistance to stretching, as a multiple of its stiffness [s].
+        cable_damping: damping of each cable: its resistance to stretching, as a multiple of its stiffness [s], at
+            most 1.
         progress: is called from time to time with the fraction done, 0 to 1.
 
     Returns:
@@ -126,7 +130,7 @@ def track(
             lengths,
             winch_speed=speed,
             damping=from_zero("damping", damping),
-            cable_damping=from_zero("cable_damping", cable_damping),
+            cable_damping=from_zero("cable_damping", cable_damping, MOST_CABLE_DAMPING),
         )
         seen: list[Seen] = []
         try:
@@ -189,7 +193,8 @@ def _run(
     """
     name, last = machine.robot.name, len(times) - 1
     for tick, time in enumerate(times.tolist()):
-        seen.append(machine.seen())
+        if machine.finite:
+            seen.append(machine.seen())
         position, rotation = wanted.positions[tick], wanted.rotations[tick]
         motion = machine.motion
         fell = fallen(position, rotation, motion.let_out, motion.data, motion.platform)
@@ -208,11 +213,15 @@ def _run(
         then = float(times[tick + 1])
         with _errors_named(machine.robot, f"controller: {time:.4g} s into the motion"):
             command = machine.checked(controller.command(then, wanted.poses[tick + 1], sensing.newest(time)))
+        looked = False
         for passed in machine.follow(command, then - time):
-            if sensing.due(time + passed):
+            looked = sensing.due(time + passed)
+            if looked:
                 machine.look()
+            if looked and machine.finite:
                 sensing.sample(time + passed, machine.seen())
-        machine.look()
+        if not looked:
+            machine.look()
 
 
 class Machine:
@@ -223,6 +232,7 @@ class Machine:
         motion: its motion in MuJoCo, with the platform and the cables damped.
         winch_speed: largest rate at which a rest length changes [m/s].
         reach: shortest and longest lengths that the winches can let out, (2, cables) [m].
+        finite: whether the pose was finite at the last look: not after the simulation became unstable.
     """
 
     def __init__(
@@ -269,6 +279,7 @@ class Machine:
         """Read the state out of MuJoCo."""
         motion, seen = self.motion, self.motion.look()
         read = np.concatenate([seen.positions[0], motion.data.xquat[motion.platform]])
+        self.finite = bool(np.isfinite(read).all())
         self._seen = read, seen.lengths[0], seen.tensions[0], motion.let_out.copy()
 
     def seen(self) -> Seen:
@@ -283,15 +294,14 @@ class Machine:
         motion, by_tension = self.motion, command.by_tension
         start, some = motion.let_out, bool(by_tension.any())
         rates = ((command.rest_lengths - start) / seconds).clip(-self.winch_speed, self.winch_speed)
-        motion.tensions = command.tensions
-        motion.motors = np.zeros(self.robot.cables, dtype=bool)
+        motion.hold(np.zeros(self.robot.cables, dtype=bool), command.tensions)
 
         def let_out(now: float, step: float) -> Float[np.ndarray, " cables"]:
             lengths = start + now * rates
             if some:
                 held, most = motion.lengths_under(command.tensions, step), self.winch_speed * step
                 near = held.clip(motion.let_out - most, motion.let_out + most).clip(*self.reach)
-                motion.motors = by_tension & (near == held)
+                motion.hold(by_tension & (near == held), command.tensions)
                 lengths = np.where(by_tension, near, lengths)
             return lengths
 
@@ -299,7 +309,10 @@ class Machine:
 
 
 def _stiffest(robot: Robot, written: Problem, simulation: Simulations) -> tuple[float, Float[np.ndarray, "free free"]]:
-    """``damping.stiffest`` with the cables' stiffness near the first lengths; of nonlinear ones, at rest there."""
+    """``damping.stiffest`` with the cables' stiffness near the first lengths; of nonlinear ones, at rest there.
+
+    Exits that give way make nothing stiffer: with them, no oscillation is faster.
+    """
     cabling, rest = robot.cabling, written.rest_lengths
     law = Law.of(cabling)
     springs = np.where(law.held, law.sticking(rest).stiffness, law.springs(rest).stiffness)

@@ -53,7 +53,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys
-from cdpr_sim.physics.cable import Law
+from cdpr_sim.physics.cable import Law, strengths
 from cdpr_sim.physics.number_format import add, add_inertia, text
 
 Kind: TypeAlias = Literal["ratio", "speed"]
@@ -62,12 +62,9 @@ Kind: TypeAlias = Literal["ratio", "speed"]
 WINCH_SPEED = 1.0
 """[m/s] Default of the largest rope speed: of winches of kind ``speed``, and in ``track``."""
 
-STRENGTH = 0.015
-"""Largest force as a fraction of EA, where neither ``force_max`` nor a breaking load is known. The fibre and steel
-ropes of the catalogue break at 0.0156 to 0.0177 of their EA."""
-
 LEAST_CAPACITY = 10.0
-"""Least of that largest force, as a multiple of the platform's weight, so that cables of rubber carry platforms."""
+"""Least of the largest force where none is known, as a multiple of the platform's weight, so that cables of rubber
+carry platforms."""
 
 RELAXATION_TIME = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: large enough to damp oscillations, and too
@@ -150,9 +147,9 @@ def kind_of(winches: bool | Kind) -> Kind | None:
 
 
 def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[np.ndarray, " cables"]:
-    """Largest tension of each winch's rope [N]: ``winch_force``, or the smaller of ``force_max`` and ``breaking_load``.
+    """Largest tension of each winch's rope [N]: ``winch_force``, or what ropes and winches bear (``cable.strengths``).
 
-    Where neither is finite, ``STRENGTH`` EA, and at least ``LEAST_CAPACITY`` of the platform's weight.
+    Where that is not known, at least ``LEAST_CAPACITY`` of the platform's weight.
 
     Raises:
         InvalidInput: not one positive number or one per cable; a limit for a nonlinear cable.
@@ -173,9 +170,9 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
                 "infinite one: no actuator in MuJoCo limits the force of a nonlinear spring"
             )
         return forces
-    forces = np.minimum(robot.force_max, robot.cabling.breaking_load)
+    forces, known = strengths(robot.cabling)
     load = robot.mass * (robot.gravity or STANDARD_GRAVITY)
-    return np.where(np.isfinite(forces), forces, np.maximum(STRENGTH * robot.axial_stiffness, LEAST_CAPACITY * load))
+    return np.where(known, forces, np.maximum(forces, LEAST_CAPACITY * load))
 
 
 def steady_step(robot: Robot, forces: Float[np.ndarray, " cables"]) -> float:
@@ -210,7 +207,7 @@ def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cabl
     ``springs`` are the stiffnesses of the cables' tendons, from ``cable.Law`` [N/m].
     """
     for cable in np.flatnonzero(robot.cabling.nonlinear):
-        i, axis = cable + 1, robot.cabling.pulley_axis[cable]
+        i, axis = cable + 1, pulleys.arriving(robot.cabling)[cable]
         inertia = SERVO * springs[cable] / DRUM_SWING**2
         start = robot.exits[cable] - behind(robot)[cable] * axis
         drum = add(world, "body", name=f"drum_{i}", pos=start, gravcomp=1)
