@@ -14,6 +14,7 @@ kept, each process compiles.
 from __future__ import annotations
 
 import _thread
+import ctypes
 import functools
 import hashlib
 import inspect
@@ -31,7 +32,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -120,7 +121,17 @@ def lent(array):
     return array
 
 
-def _compile_lent() -> None:
+def address_of(array):
+    """Where the numbers of an array are, for ``Called``; to Python, the array."""
+    return array
+
+
+def array_at(address, shape):
+    """The array of this shape whose floats are at an address; to Python, ``address`` is the array."""
+    return address
+
+
+def _compile_addresses() -> None:
     import numba
     from numba.extending import overload
 
@@ -128,13 +139,12 @@ def _compile_lent() -> None:
     carray = public["carray"]
     pointer = public["njit"]("voidptr(voidptr)")(lambda address: address)  # Numba converts an array's address to it
 
-    def at_its_address(array: Any) -> Callable:
-        return lambda array: carray(pointer(array.ctypes), array.shape, array.dtype)
+    overload(lent, strict=False)(lambda _: lambda array: carray(pointer(array.ctypes), array.shape, array.dtype))
+    overload(address_of, strict=False)(lambda _: lambda array: pointer(array.ctypes))
+    overload(array_at, strict=False)(lambda *_: lambda address, shape: carray(address, shape, np.float64))
 
-    overload(lent, strict=False)(at_its_address)
 
-
-_called_by_kernels.append(_compile_lent)
+_called_by_kernels.append(_compile_addresses)
 
 
 def of_one_number(function: Callable) -> Callable:
@@ -224,11 +234,14 @@ class Compiled:
         finally:
             later.cancel()
 
+    def _types(self, numba: Any) -> Any:
+        return self._signature
+
     def _made(self, numba: Any, kept: Path | None) -> Any:
         with _keeping(numba.config, kept):
             code = numba.njit(cache=kept is not None, **self._options)(self.function)
         try:
-            code.compile(self._signature)
+            code.compile(self._types(numba))
         except OSError as error:
             if not code.signatures:
                 raise
@@ -253,56 +266,44 @@ def _keeping(config: Any, folder: Path | None) -> Iterator[None]:
 
 
 class Called(Compiled):
-    """A function without a result that kernels call by its address, so that it is compiled once for all of them.
+    """A function of addresses and numbers, without a result, that kernels call: compiled once for all of them.
 
-    And not before one of them needs it. In kernels, it is called by ``call(address, *arguments)``.
+    And not before one of them needs it. It makes arrays of addresses by ``array_at``, and its callers addresses of
+    arrays by ``address_of``; where Python interprets both, it gets the arrays.
     """
 
-    def __init__(self, what: str, function: Callable, signature: str) -> None:
-        """Stores the arguments as ``Compiled`` does."""
-        super().__init__(what, function, signature, error_model="numpy")
+    _KINDS: ClassVar = {
+        "p": (ctypes.c_void_p, "voidptr"),
+        "i": (ctypes.c_int64, "int64"),
+        "d": (ctypes.c_double, "float64"),
+    }
 
-        def call(address: Callable, *arguments: Any) -> None:
-            address(*arguments)
+    def __init__(self, what: str, function: Callable, arguments: str) -> None:
+        """Stores the arguments; ``arguments`` has a letter for each argument of ``function``: p, an address; i; d."""
+        self._types_in_c, names = zip(*(self._KINDS[letter] for letter in arguments), strict=True)
+        super().__init__(what, function, f"void({', '.join(names)})", error_model="numpy")
 
-        def compile() -> None:
-            import numba
-            from numba.extending import intrinsic, overload
-
-            types: Any = vars(numba)["types"]
-            given = eval(signature, vars(types)).args  # as Numba does itself
-            pointer = types.FunctionType(types.void(*given)).ftype
-
-            def by_address(typing: Any, address: Any, arguments: Any) -> Any:
-                def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-                    function = builder.inttoptr(values[0], context.get_value_type(pointer))
-                    builder.call(function, [builder.extract_value(values[1], i) for i in range(len(given))])
-                    return context.get_dummy_value()
-
-                return types.void(types.int64, types.Tuple(given)), generate
-
-            code: Any = intrinsic(by_address)
-            overload(call, strict=False)(
-                lambda address, *arguments: lambda address, *arguments: code(address, arguments)
-            )
-
-        self.call = call
-        _called_by_kernels.append(compile)
+    @functools.cached_property
+    def stand_in(self) -> Any:
+        """A function of the same type, for kernels that do not call it."""
+        return ctypes.CFUNCTYPE(None, *self._types_in_c)(lambda *_: None)
 
     def _made(self, numba: Any, kept: Path | None) -> Any:
         with _keeping(numba.config, kept):
             try:
-                return numba.cfunc(self._signature, cache=kept is not None, **self._options)(self.function)
+                code = numba.cfunc(self._signature, cache=kept is not None, **self._options)(self.function)
             except OSError as error:
                 self._not_kept(kept, error)
-                return numba.cfunc(self._signature, **self._options)(self.function)
+                code = numba.cfunc(self._signature, **self._options)(self.function)
+        self._owner = code
+        return code.ctypes
 
 
 class Kernel(Compiled):
     """A function of many elements at once, which broadcasts and releases Python's lock.
 
-    Its Python function gets all inputs, each with two axes of elements (rows, columns), the address of what it
-    ``calls``, if anything, a scratch array, and the results, which have these axes, too, and which it fills in. The
+    Its Python function gets all inputs, each with two axes of elements (rows, columns), what it ``calls``, if
+    anything, a scratch array, and the results, which have these axes, too, and which it fills in. The
     numbers of one element are contiguous.
 
     Attributes:
@@ -321,7 +322,7 @@ class Kernel(Compiled):
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
             alike: names of inputs that are the same for all elements; the function takes them without axes of elements.
-            calls: what the function calls; its address is the argument before ``scratch``.
+            calls: what the function calls, which is the argument before ``scratch``.
         """
         names = list(inspect.signature(function).parameters)
         before = names.index("scratch")
@@ -332,14 +333,21 @@ class Kernel(Compiled):
         inputs = layout.split("->")[0].count("(")
         self._inputs, self._results, self._left = arguments[:inputs], arguments[inputs:], FEW
         self.axes = tuple(len(dims) for _, dims, _ in self._inputs)
-        types = []
-        for kind, dims, same in self._inputs:
-            axes = len(dims) + 2 * (not same)
-            types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else str(kind))
         self._calls = calls
-        types += ["int64"] * (calls is not None) + ["float64[::1]"]
-        types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims, _ in self._results]
-        super().__init__(what, function, f"void({', '.join(types)})", error_model="numpy", nogil=True)
+        super().__init__(what, function, "", error_model="numpy", nogil=True)
+
+    def _types(self, numba: Any) -> Any:
+        types = numba.types
+        number = {"f": types.float64, "i": types.int64}
+        given = []
+        for kind, dims, same in self._inputs:
+            one, axes = number[kind.kind], len(dims) + 2 * (not same)
+            given.append(types.Array(one, axes, "A", readonly=True) if axes else one)
+        if self._calls:
+            given.append(numba.typeof(self._calls.stand_in))
+        given.append(types.Array(types.float64, 1, "C"))
+        given += [types.Array(number[kind.kind], len(dims) + 2, "C") for kind, dims, _ in self._results]
+        return types.void(*given)
 
     def __call__(self, *inputs: Any, calling: bool = False) -> Any:
         """Evaluate each element: interpreted for the first few, else compiled.
@@ -379,7 +387,7 @@ class Kernel(Compiled):
         if self._calls and code is self.function:
             given.append(self._calls.function)
         elif self._calls:
-            given.append(self._calls.compiled.address if calling else 0)
+            given.append(self._calls.compiled if calling else self._calls.stand_in)
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]

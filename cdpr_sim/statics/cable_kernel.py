@@ -10,7 +10,7 @@ The *kind* of the cables is a number, by which whole loops are skipped: PLAIN ca
 some of them, run over pulleys or have nonlinear laws; those WITH_MEMORY have laws of ``memory_kernel``; SAGGING ones,
 some of them, have mass. SAGGING cables are no springs along their paths: they have pulls and stiffness matrices
 (``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1. The last two kinds are computed by
-``OTHERS``, which kernels call by its address: it is as long as all else, and most robots have no such cables.
+``OTHERS``, which kernels call: it is as long as all else, and most robots have no such cables.
 
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
@@ -23,7 +23,7 @@ import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
-from cdpr_sim.core.compiling import STRIDE, Called, inline, outlined
+from cdpr_sim.core.compiling import STRIDE, Called, address_of, array_at, inline, outlined
 from cdpr_sim.statics.any_cable import added, any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
 
@@ -95,12 +95,12 @@ def load_lengths(d, rest_lengths):
 
 @inline
 def measure(d, table, kind, others, p, R, s):
-    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is where ``OTHERS`` are."""
+    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is ``OTHERS``."""
     measure_paths(d, len(table), kind, p, R, s)
     if kind == BENT:
         fill_springs(d, len(table), s)
     elif kind != PLAIN:
-        call_others(others, d, table, kind, p[0], p[1], p[2], s)
+        others(address_of(d), address_of(table), len(table), table.shape[1], kind, p[0], p[1], p[2], address_of(s))
 
 
 @inline
@@ -148,9 +148,11 @@ def fill_springs(d, m, s):
         s[K + i], s[E + i] = cable_law.tangent(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
 
 
-def measure_others(d, table, kind, px, py, pz, s):
+def measure_others(d_at, table_at, cables, columns, kind, px, py, pz, s_at):
     """Fill in the state of cables WITH_MEMORY, whose paths are known, or SAGGING, with the platform's origin at p."""
-    for i in range(len(table)):
+    d, s = array_at(d_at, (DATA_ROWS * STRIDE,)), array_at(s_at, (STATE_ROWS * STRIDE,))
+    table = array_at(table_at, (cables, columns))
+    for i in range(cables):
         cable, row = cable_of(table[i], d[L0 + i]), table[i, COLUMNS:]
         if kind == WITH_MEMORY:
             s[K + i], s[E + i], work = memory_spring(s[L + i] - d[L0 + i], cable.rope, cable.behind, cable.law, row)
@@ -164,11 +166,7 @@ def measure_others(d, table, kind, px, py, pz, s):
         s[K + i], s[E + i] = 0.0, -1.0
 
 
-OTHERS = Called(
-    "cables with mass or memory", measure_others,
-    "void(float64[::1], Array(float64, 2, 'A', readonly=True), int64, float64, float64, float64, float64[::1])",
-)  # fmt: skip
-call_others = OTHERS.call
+OTHERS = Called("cables with mass or memory", measure_others, "ppiiidddp")
 
 
 def needs_others(table, heavy):

@@ -102,14 +102,14 @@ SERIES = 1.0
 class Case(NamedTuple):
     """Data of one problem.
 
-    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; others: address
-    of ``cable_kernel.OTHERS``; free: 1 where the platform moves; scale: length of rotations.
+    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; others:
+    ``cable_kernel.OTHERS``; free: 1 where the platform moves; scale: length of rotations.
     """
 
     d: np.ndarray
     table: np.ndarray
     kind: int
-    others: int | Callable
+    others: Callable
     weight: float
     com: np.ndarray
     wrench: np.ndarray
