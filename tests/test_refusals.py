@@ -323,7 +323,7 @@ def test_the_page_of_limits_names_what_refuses_ropes_with_a_memory():
         "verify_compensation",
         "scene_mjcf",
     }
-    of_files = {"import_robot", "list_robots", "load_robot", "open_sweep", "read_measurements"}
+    of_files = {"import_robot", "list_robots", "load_robot", "write_robot", "open_sweep", "read_measurements"}
     assert answering - of_files <= accepts
     assert refusing - of_results - of_files <= refuses
     of_models = {"diagnose_model", "holding_controls", "settle_model", "tendon_tensions"}
