@@ -33,7 +33,7 @@ OF_ALL_CABLES = {
 }
 """Properties of which one number for all cables can be fitted, or for all that run over a wheel."""
 
-POSITIVE = ("axial_stiffness", "mass", *(name for name, step in OF_ALL_CABLES.items() if step.path))
+POSITIVE = ("axial_stiffness", "mass", *(name for name, step in OF_ALL_CABLES.items() if step.path and not step.least))
 """Unknowns that are fitted by their logarithms."""
 
 UNKNOWNS = (
@@ -131,7 +131,8 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
         "swivel_zeros": ("swivel_zero", "swivel_zeros", "rad", swivels, {}),
     }
     for name, step in OF_ALL_CABLES.items():
-        those, further = (wheels, positive) if step.path else (all_cables, {"scale": 1e-2, "least": 0.0})
+        those = wheels if step.path else all_cables
+        further = positive if name in POSITIVE else {"scale": 1e-2, "least": 0.0}
         if PROPERTIES[name].uniform:
             spans = np.linalg.norm(robot.exits - robot.home - robot.anchors, axis=1)
             further = further | {"scale": 1e-2 * float(step.scale(robot, np.zeros(robot.cables), spans).mean())}

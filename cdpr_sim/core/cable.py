@@ -36,14 +36,13 @@ from cdpr_sim.core.property import (
     within,
 )
 
-EXIT, ANCHOR, STIFFNESS, RADIUS, AXIS, BEHIND, RIGID, PARTS, WEIGHT, WRAPPED, GIVES = (
-    0, 3, 6, 9, 10, 13, 14, 15, 16, 17, 18
-)  # fmt: skip
-LAW, COLUMNS = RADIUS - STIFFNESS, 21
+EXIT, ANCHOR, STIFFNESS, RADIUS, BEHIND, RIGID, PARTS, WEIGHT, WRAPPED, GIVES = 0, 3, 6, 9, 13, 14, 15, 16, 17, 18
+LAW, WHEEL, COLUMNS = RADIUS - STIFFNESS, BEHIND - RADIUS, 21
 """Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
-line, with the other numbers of the law behind it, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the rigid length, the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``, the exit's
-compliance along x, y and z; how many numbers a law has, and how many columns there are."""
+line, with the other numbers of the law behind it, the pulley's radius, with its axis behind it, the length
+``Cabling.behind`` the exit, the rigid length, the number of parts of line, ``Robot.cable_weights`` and
+``Robot.wrapped_lengths``, the exit's compliance along x, y and z; how many numbers a law and a wheel have, and how many
+columns there are."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -369,8 +368,11 @@ class Cabling(Cables, Frozen):
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
         """Which cables have this property, (cables,): not as by default, and not without an effect."""
-        name = PROPERTIES[name].only_with or name
-        return PROPERTIES[name].in_effect(getattr(self, name))
+        one = PROPERTIES[name]
+        own = one.in_effect(getattr(self, name))
+        if one.only_with:  # a default other than 0 has an effect, too, as a wheel's axis has
+            return self.has(one.only_with) & (own | np.any(one.default))
+        return own
 
     def refuse_unknown(self, method: Method, what: str = "robot") -> None:
         """Refuse the properties that a method does not take into account.

@@ -30,7 +30,18 @@ def path(x, y, z):
 
 
 @inline
-def pulley_path(x, y, z, ex, ey, ez, radius):
+def wheel_at(numbers, first, step):
+    """The wheel (radius, axis) whose numbers are in an array, at ``first`` and at steps from there."""
+    return numbers[first], numbers[first + step], numbers[first + 2 * step], numbers[first + 3 * step]
+
+
+def wheel_of(cabling, which):
+    """The wheels of some cables, by an index."""
+    return cabling.pulley_radius[which], *cabling.pulley_axis[which].T
+
+
+@inline
+def pulley_path(x, y, z, wheel):
     """Path over a swivelling wheel: (length, free segment, its length, across, bend, wrap angle, clear).
 
     The cable arrives along the unit vector e, touches the wheel at the exit, and leaves it on the tangent to the
@@ -50,6 +61,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     (rho < r) a cable leaves its wheel and has no path: the formula is continued there, so that a search for an
     equilibrium can pass, and ``clear`` = rho − r is negative.
     """
+    radius, ex, ey, ez = wheel
     h = -(x * ex + y * ey + z * ez)
     nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
     rho = np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -136,9 +148,8 @@ def wheel_paths(
     It has none either where its rigid end would lie on the wheel.
     """
     over = cabling.pulleys
-    ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
-        *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+        *found, clear = pulley_path(x, y, z, wheel_of(cabling, over))
     bends = (clear >= 0) & (found[4] > cabling.rigid_length[over])
     return np.where(bends, np.array(found), np.nan)
 
@@ -197,7 +208,7 @@ def wheel(
     """
     exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
     with np.errstate(invalid="ignore"):
-        *_, x, y, z, _, wrap, _ = pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
+        *_, x, y, z, _, wrap, _ = pulley_path(*(exit_ - anchor), wheel_of(cabling, cable))  # pyright: ignore[reportCallIssue]
     outwards = np.cross([x, y, z], axis)
     return exit_ + radius * outwards, outwards, axis, radius, float(wrap)
 
@@ -244,7 +255,7 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
     cable = int(np.argmax(lost))
     axis, radius, rigid = cabling.pulley_axis[cable], cabling.pulley_radius[cable], cabling.rigid_length[cable]
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = pulley_path(*chords[cable], *axis, float(radius))  # pyright: ignore[reportCallIssue]
+        found = pulley_path(*chords[cable], wheel_of(cabling, cable))  # pyright: ignore[reportCallIssue]
     if found[-1] >= 0 and np.isfinite(found[4]):
         return (
             f"the rigid end of cable {cable + 1} on its pulley's wheel, {found[4]:.3g} m from the anchor, expected a "

@@ -38,8 +38,8 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, GIVES, RADIUS, RIGID, STIFFNESS, WEIGHT, WRAPPED
-from cdpr_sim.core.cable_path import pulley_path, wrap_angle
+from cdpr_sim.core.cable import BEHIND, COLUMNS, GIVES, RADIUS, RIGID, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable_path import pulley_path, wheel_at, wrap_angle
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
 from cdpr_sim.statics.memory_kernel import ELASTIC, KIND, memory_spring, strain_of, stretch_at_exit
@@ -93,16 +93,14 @@ class Catenary(NamedTuple):
 
 
 class AnyCable(NamedTuple):
-    """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m].
+    """What is given of one cable: the wheel and its radius, lengths [m], the law, and weight per length [N/m].
 
     The lengths are what of the rope is massless at the exit, the rope behind it, the rest length from exit to anchor,
     the rope in it, what is rigid of it, and the rope that stretches in all. Last, the exit's compliance along x, y, z
     [m/N].
     """
 
-    ex: float
-    ey: float
-    ez: float
+    wheel: tuple[float, ...]
     radius: float
     wrapped: float
     behind: float
@@ -161,7 +159,7 @@ _ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),(
 def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
+        wheel_at(row, RADIUS, 1), row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
         rest_length - row[RIGID], row[RIGID], rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
         row[GIVES], row[GIVES + 1], row[GIVES + 2],
     )  # fmt: skip
@@ -291,9 +289,7 @@ def _wheel_path(x, y, z, cable):
     if cable.radius == 0.0:
         length = np.sqrt(x * x + y * y + z * z)
         return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = pulley_path(
-        -x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius
-    )
+    length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = pulley_path(-x, -y, -z, cable.wheel)
     return length, -fx, -fy, -fz, free, bx, by, bz, bend, wrap, clear
 
 
@@ -379,9 +375,8 @@ def _with_mass(x, y, z, cable, row, elastic):
     M[0, 4], M[1, 4], M[2, 4] = C[1], C[2], C[4]
     M[0, 5], M[1, 5], M[2, 5] = C[3], C[4], C[5]
     _eliminate(M, 6)
-    if t[0] * cable.ex + t[1] * cable.ey + t[2] * cable.ez <= HALF_ROUND * np.sqrt(
-        t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
-    ):
+    _, ex, ey, ez = cable.wheel
+    if t[0] * ex + t[1] * ey + t[2] * ez <= HALF_ROUND * np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]):
         clear = np.nan if radius > 0.0 else clear
     # t·(B − A) − Psi; of the free part, t·span − Psi = U − w L/2 (its rise)
     energy = t[0] * D[0] + t[1] * D[1] + t[2] * D[2] - Psi + U - 0.5 * weight * (z - D[2]) + weight * z
@@ -419,7 +414,7 @@ def _guided(t, cable, G, row, elastic):
         Psi = cable.wrapped * (T * (1 + eps) - energy) + work
     if cable.radius == 0.0:
         return (f * u[0], f * u[1], f * u[2]), _around(f / T, wider - f / T, u), Psi
-    ex, ey, ez, r = cable.ex, cable.ey, cable.ez, cable.radius
+    r, ex, ey, ez = cable.wheel
     cosine = u[0] * ex + u[1] * ey + u[2] * ez
     nx, ny, nz = u[0] - cosine * ex, u[1] - cosine * ey, u[2] - cosine * ez
     sine = np.sqrt(nx * nx + ny * ny + nz * nz)

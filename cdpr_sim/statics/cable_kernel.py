@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS, WHEEL
 from cdpr_sim.core.compiling import STRIDE, Called, address_of, array_at, inline, outlined
 from cdpr_sim.statics.any_cable import added, any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
@@ -33,10 +33,11 @@ PLAIN, BENT, WITH_MEMORY, SAGGING = range(4)
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
-AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, WHEEL, EX, EY, EZ, ADDED, SIZE, EA = range(0, 16 * STRIDE, STRIDE)
-"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch; the
-wheels' radius and axis; what stretches besides the rest lengths; one number, the largest coordinate of an exit; and the
-law, of which EA is the first row."""
+AX, AY, AZ, BX, BY, BZ, L0, STIFF, WHOLE, ADDED, SIZE, EA = range(0, 12 * STRIDE, STRIDE)
+RADII = EA + LAW * STRIDE
+"""Data of cables: exits; anchors; rest lengths; axial stiffness per length that stretches; lengths that stretch; what
+stretches besides the rest lengths; one number, the largest coordinate of an exit; the law, of which EA is the first
+row; and the wheel, of which RADII is."""
 
 RX, RY, RZ, UX, UY, UZ, L, F, K, E = range(0, 10 * STRIDE, STRIDE)
 """State at a pose: arms of the anchors in the base frame; directions in which the cables pull; lengths; inverses of the
@@ -49,7 +50,7 @@ PX, PY, PZ, XX, XY, YY, XZ, YZ, ZZ, ENERGY, TENSION = range(15 * STRIDE, 26 * ST
 """State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, also of those with a memory, and tension
 at the anchors."""
 
-DATA_ROWS, STATE_ROWS = 15 + LAW, 26
+DATA_ROWS, STATE_ROWS = 11 + LAW + WHEEL, 26
 
 J, ROW, TAU, Q, TAUT, PULL, WEIGHTS, PREDICTED = (STRIDE * row for row in (0, 6, 12, 13, 14, 15, 16, 17))
 """Rows of the local model: ∂l/∂x, six rows; six rows of scratch; tensions; q; 1 where taut; forces; weights of
@@ -67,12 +68,11 @@ def load_table(d, table):
         d[BX + i], d[BY + i], d[BZ + i] = table[i, ANCHOR], table[i, ANCHOR + 1], table[i, ANCHOR + 2]
         for k in range(LAW):
             d[EA + k * STRIDE + i] = table[i, STIFFNESS + k]
-        d[WHEEL + i], d[EX + i], d[EY + i], d[EZ + i] = (
-            table[i, RADIUS], table[i, AXIS], table[i, AXIS + 1], table[i, AXIS + 2]
-        )  # fmt: skip
+        for k in range(WHEEL):
+            d[RADII + k * STRIDE + i] = table[i, RADIUS + k]
         d[ADDED + i] = added(table[i])
         size = max(size, max(abs(d[AX + i]), max(abs(d[AY + i]), abs(d[AZ + i]))))
-        bent |= d[WHEEL + i] > 0.0 or not cable_law.linear(law(d, i))
+        bent |= d[RADII + i] > 0.0 or not cable_law.linear(law(d, i))
     d[SIZE] = size
     if table.shape[1] > COLUMNS:
         return WITH_MEMORY
@@ -123,15 +123,14 @@ def measure_paths(d, m, kind, p, R, s):
         return
     wheels = 0.0
     for i in range(m):
-        wheels += d[WHEEL + i]
+        wheels += d[RADII + i]
         s[CX + i], s[CY + i], s[CZ + i], s[BEND + i], s[CLEAR + i] = 0.0, 0.0, 0.0, 0.0, 0.0
     if wheels > 0.0:
         for i in range(m):
             x, y, z = d[AX + i] - px - s[RX + i], d[AY + i] - py - s[RY + i], d[AZ + i] - pz - s[RZ + i]
-            length, x, y, z, free, cx, cy, cz, bend, _, clear = cable_path.pulley_path(
-                x, y, z, d[EX + i], d[EY + i], d[EZ + i], d[WHEEL + i]
-            )
-            over, inverse = d[WHEEL + i] > 0.0, 1 / free
+            wheel = cable_path.wheel_at(d, RADII + i, STRIDE)
+            length, x, y, z, free, cx, cy, cz, bend, _, clear = cable_path.pulley_path(x, y, z, wheel)
+            over, inverse = d[RADII + i] > 0.0, 1 / free
             s[UX + i], s[UY + i], s[UZ + i] = (
                 x * inverse if over else s[UX + i], y * inverse if over else s[UY + i],
                 z * inverse if over else s[UZ + i],
