@@ -13,13 +13,14 @@ import numba
 import numpy as np
 import pytest
 from sample_problems import symmetric_pair
+from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.core.pose import Pose
-from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
+from cdpr_sim.proof import complete, contraction_kernel, geometry_kernel, interval_kernel, krawczyk_kernel
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, exact, middles
@@ -614,3 +615,27 @@ def test_bounds_of_the_laws_slope_hold_between_the_ends():
     np.testing.assert_allclose(high, slopes.max(0), rtol=0, atol=1e-6)
     assert (low <= slopes.min(0)).all()
     assert (high >= slopes.max(0)).all()
+
+
+def test_the_motion_of_virtual_work_is_what_the_best_tensions_leave():
+    """By SciPy's bounded least squares, at the middles of the intervals; for cables that pull at right angles."""
+    random = np.random.default_rng(5)
+    W = np.linalg.qr(random.normal(size=(6, 6)))[0][:3] * [[1.0], [2.0], [3.0]]
+    T, g = np.array([[0.0, 1.0], [0.5, 0.6], [0.0, 2.0]]), random.normal(size=6)
+    o, first = np.zeros((3, geometry_kernel.COLUMNS, 2)), geometry_kernel.DIRECTION
+    o[:, first : first + 6] = np.stack([W - 1e-3, W + 1e-3], -1)
+    y = np.zeros(6)
+    contraction_kernel.unbalanced(T, o, np.stack([g - 0.1, g + 0.2], 1), np.arange(6), y)
+    best = lsq_linear(W.T, -(g + 0.05), T.T, tol=1e-15).x
+    np.testing.assert_allclose(y, g + 0.05 + W.T @ best, atol=1e-9)
+    assert 0 < np.isclose(best[:, None], T, atol=1e-9).any(1).sum() < 3  # some are at a limit
+
+
+def test_a_platform_of_a_gram_is_no_platform_without_a_load():
+    """Its weight is 0.01 N: the search is of the same equilibria as for a kilogram on cables as many times as stiff."""
+    light = planar("two-cable", (0.2, 0, 0.1), mass=1e-3, axial_stiffness=1.0)
+    heavy = planar("two-cable", (0.2, 0, 0.1), mass=1.0, axial_stiffness=1e3)
+    found = [cdpr.certify_all(one) for one in (light, heavy)]
+    assert all(one.complete for one in found)
+    poses = [[one.position for one in each.equilibria] for each in found]
+    np.testing.assert_allclose(*poses, atol=1e-9)
