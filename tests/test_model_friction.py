@@ -11,7 +11,8 @@ from cdpr_sim.anymodel.friction_limits import shares
 G = 9.81
 
 SLOPE = """<mujoco><option cone="{cone}" gravity="{x} {y} -9.81"/><worldbody><geom type="plane" size="1 1 1"/>
-<body name="box" pos="0 0 .01"><freejoint/><geom type="box" size=".1 .1 .01" friction=".5" priority="1"/></body>
+<body name="box" pos="0 0 .01"><freejoint/>
+<geom type="box" size=".1 .1 .01" friction=".5" priority="1" density="50"/></body>
 </worldbody></mujoco>"""
 
 HINGE = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" frictionloss="{loss}"/>
@@ -31,7 +32,7 @@ def test_shares_are_norms_of_cones_and_sums_of_pyramids():
 
 @pytest.mark.parametrize(("cone", "share"), [("elliptic", 0.5), ("pyramidal", 0.7)])
 def test_contacts_share_a_load_across_two_directions(cone, share):
-    """A flat plate on a slope of 0.15 by 0.2 with a coefficient of 0.5: 0.25 in all, 0.35 along a pyramid's edges."""
+    """A plate of 40 g on a slope of 0.15 by 0.2, with a coefficient of 0.5: 0.25, or 0.35 along a pyramid's edges."""
     model = mujoco.MjModel.from_xml_string(SLOPE.format(cone=cone, x=0.15 * G, y=0.2 * G))
     found = cdpr.settle_model(model)
     weight = model.body_mass.sum() * G
