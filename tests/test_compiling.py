@@ -85,16 +85,6 @@ def test_interpreted_and_compiled_answers_are_the_same_to_the_last_bit(catalogue
         np.testing.assert_array_equal(one.reshape(-1, *other.shape), np.broadcast_to(other, (13, *other.shape)))
 
 
-def test_what_massless_elastic_cables_do_not_need_is_not_compiled(catalogue, monkeypatch):
-    """Mass and memory: called by address, for which the solver is the same code."""
-    monkeypatch.setattr(cable_kernel.OTHERS, "_compiled", None)
-    monkeypatch.setattr(cable_kernel.OTHERS, "_fetch", lambda: pytest.fail("it compiles"))
-    robot, count = catalogue["parallel"].replace(**KINDS["pulleys"]), compiling.FEW + 1
-    assert cdpr.solve_many(robot, [robot.home] * count).converged.all()
-    with pytest.raises(pytest.fail.Exception, match="it compiles"):
-        cdpr.solve_many(robot.replace(**KINDS["mass"]), [robot.home] * count)
-
-
 def test_few_answers_need_no_numba_and_many_are_the_same(catalogue, tmp_path):
     """Also over pulleys, and in a process of its own."""
     names, poses = ["parallel", "planar-vertical", "irma4u"], np.random.default_rng(0).uniform(0.3, 0.5, (20, 3))
@@ -463,13 +453,12 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
 
 
 def geometry(d, table, p, R, s, w, m):
-    cable_kernel.measure_paths(d, m, cable_kernel.PLAIN, p, R, s)
+    cable_kernel.measure(d, table, cable_kernel.PLAIN, p, R, s)
     cable_kernel.fill_jacobian(s, 1.0, m, w)
 
 
 def pulleys_and_laws(d, table, p, R, s, w, m):
-    cable_kernel.measure_paths(d, m, cable_kernel.BENT, p, R, s)
-    cable_kernel.fill_springs(d, m, s)
+    cable_kernel.measure(d, table, cable_kernel.BENT, p, R, s)
 
 
 def with_a_branch(d, table, p, R, s, w, m):

@@ -29,7 +29,6 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.cable_kernel import needs_others
 from cdpr_sim.statics.gufuncs import ROOTS
 
 SAME = 1e-3
@@ -391,14 +390,13 @@ def _roots(
     damping: float = 1e-2,
 ) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
     """Roots of the net wrench, stable or not, to which the starts lead."""
-    robot, free, table = problem.robot, np.zeros(6), problem.robot.cable_table()
+    robot, free = problem.robot, np.zeros(6)
     free[problem.robot.free] = 1.0
-    heavy = not robot.cabling.springs
     with np.errstate(all="ignore"):
         positions, rotations, left = ROOTS(
-            table, problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench, free,
-            robot.characteristic_length, int(heavy), 1e-3 * BALANCED * problem.load, damping, positions, rotations,
-            calling=needs_others(table, heavy),
+            robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
+            free, robot.characteristic_length, int(not robot.cabling.springs), 1e-3 * BALANCED * problem.load, damping,
+            positions, rotations,
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load
     # The orthogonality of products of many small rotations deteriorates by rounding.

@@ -4,17 +4,15 @@ Numba takes seconds to compile code that Python interprets in a millisecond or t
 load compiled code. So a ``Kernel`` is interpreted for its first few elements, and compiled when more are evaluated. The
 answers are the same to the last bit. With ``INTERPRETED``, nothing is compiled.
 
-Only Numba's public functions are used: ``njit`` and ``cfunc`` with ``cache=True``, ``numba.extending``, ``numba.types``
-and ``numba.config``, whose CACHE_DIR is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code
-is the text of one file, but kernels consist of several; so each version of the package's sources has its own folder
-(``place``). Code that cannot be loaded, say from a truncated file, is removed and compiled anew; where none can be
-kept, each process compiles.
+Only Numba's public functions are used: ``njit(cache=True)``, ``numba.extending`` and ``numba.config``, whose CACHE_DIR
+is what the environment variable NUMBA_CACHE_DIR sets. Numba's key of cached code is the text of one file, but kernels
+consist of several; so each version of the package's sources has its own folder (``place``). Code that cannot be loaded,
+say from a truncated file, is removed and compiled anew; where none can be kept, each process compiles.
 """
 
 from __future__ import annotations
 
 import _thread
-import ctypes
 import functools
 import hashlib
 import inspect
@@ -29,10 +27,10 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -121,17 +119,7 @@ def lent(array):
     return array
 
 
-def address_of(array):
-    """Where the numbers of an array are, for ``Called``; to Python, the array."""
-    return array
-
-
-def array_at(address, shape):
-    """The array of this shape whose floats are at an address; to Python, ``address`` is the array."""
-    return address
-
-
-def _compile_addresses() -> None:
+def _compile_lent() -> None:
     import numba
     from numba.extending import overload
 
@@ -139,12 +127,13 @@ def _compile_addresses() -> None:
     carray = public["carray"]
     pointer = public["njit"]("voidptr(voidptr)")(lambda address: address)  # Numba converts an array's address to it
 
-    overload(lent, strict=False)(lambda _: lambda array: carray(pointer(array.ctypes), array.shape, array.dtype))
-    overload(address_of, strict=False)(lambda _: lambda array: pointer(array.ctypes))
-    overload(array_at, strict=False)(lambda *_: lambda address, shape: carray(address, shape, np.float64))
+    def at_its_address(array: Any) -> Callable:
+        return lambda array: carray(pointer(array.ctypes), array.shape, array.dtype)
+
+    overload(lent, strict=False)(at_its_address)
 
 
-_called_by_kernels.append(_compile_addresses)
+_called_by_kernels.append(_compile_lent)
 
 
 def of_one_number(function: Callable) -> Callable:
@@ -182,7 +171,7 @@ class Compiled:
             signature: in Numba's notation: "void(int64, float64[::1])".
             options: of ``numba.njit``.
         """
-        self._what, self.function, self._signature, self._options = what, function, signature, options
+        self._what, self._function, self._signature, self._options = what, function, signature, options
         self.folder = re.sub(r"[^a-z]+", "_", what)
         self._compiled: Any = None
 
@@ -194,7 +183,7 @@ class Compiled:
             CdprError: this process can compile nothing: it was forked while another thread imported Numba.
         """
         if INTERPRETED:
-            return self.function
+            return self._function
         if self._compiled is None:
             import_numba()
             _uninterrupted(functools.partial(holding, _threads, self._fetch))
@@ -222,7 +211,14 @@ class Compiled:
 
         config: Any = vars(numba)["config"]
         if config.DISABLE_JIT:
-            return self.function
+            return self._function
+        ours = {"CACHE_DIR": str(kept or ""), "CACHE_LOCATOR_CLASSES": ""}
+        theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
+        try:
+            vars(config).update(ours)
+            code: Any = numba.njit(cache=kept is not None, **self._options)(self._function)
+        finally:
+            vars(config).update(theirs)
         late = "cdpr_sim still loads its %s, or compiles it anew: up to a minute"
         later = threading.Timer(LOADING, _log.warning, (late, self._what))
         if kept and any(kept.glob("*/*.nbc")):
@@ -230,90 +226,30 @@ class Compiled:
         else:
             _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)
         try:
-            return self._made(numba, kept)
-        finally:
-            later.cancel()
-
-    def _types(self, numba: Any) -> Any:
-        return self._signature
-
-    def _made(self, numba: Any, kept: Path | None) -> Any:
-        with _keeping(numba.config, kept):
-            code = numba.njit(cache=kept is not None, **self._options)(self.function)
-        try:
-            code.compile(self._types(numba))
+            code.compile(self._signature)
         except OSError as error:
             if not code.signatures:
                 raise
-            self._not_kept(kept, error)
+            _log.warning("cdpr_sim: the compiled code cannot be kept in %s: %s", kept, error.strerror or error)
+        finally:
+            later.cancel()
         code.disable_compile()  # for other types of arguments
         return code
-
-    def _not_kept(self, kept: Path | None, error: OSError) -> None:
-        _log.warning("cdpr_sim: the compiled code cannot be kept in %s: %s", kept, error.strerror or error)
-
-
-@contextmanager
-def _keeping(config: Any, folder: Path | None) -> Iterator[None]:
-    """Within it, Numba keeps what is decorated in this folder."""
-    ours = {"CACHE_DIR": str(folder or ""), "CACHE_LOCATOR_CLASSES": ""}
-    theirs = {name: getattr(config, name) for name in ours if hasattr(config, name)}
-    try:
-        vars(config).update(ours)
-        yield
-    finally:
-        vars(config).update(theirs)
-
-
-class Called(Compiled):
-    """A function of addresses and numbers, without a result, that kernels call: compiled once for all of them.
-
-    And not before one of them needs it. It makes arrays of addresses by ``array_at``, and its callers addresses of
-    arrays by ``address_of``; where Python interprets both, it gets the arrays.
-    """
-
-    _KINDS: ClassVar = {
-        "p": (ctypes.c_void_p, "voidptr"),
-        "i": (ctypes.c_int64, "int64"),
-        "d": (ctypes.c_double, "float64"),
-    }
-
-    def __init__(self, what: str, function: Callable, arguments: str) -> None:
-        """Stores the arguments; ``arguments`` has a letter for each argument of ``function``: p, an address; i; d."""
-        self._types_in_c, names = zip(*(self._KINDS[letter] for letter in arguments), strict=True)
-        super().__init__(what, function, f"void({', '.join(names)})", error_model="numpy")
-
-    @functools.cached_property
-    def stand_in(self) -> Any:
-        """A function of the same type, for kernels that do not call it."""
-        return ctypes.CFUNCTYPE(None, *self._types_in_c)(lambda *_: None)
-
-    def _made(self, numba: Any, kept: Path | None) -> Any:
-        with _keeping(numba.config, kept):
-            try:
-                code = numba.cfunc(self._signature, cache=kept is not None, **self._options)(self.function)
-            except OSError as error:
-                self._not_kept(kept, error)
-                code = numba.cfunc(self._signature, **self._options)(self.function)
-        self._owner = code
-        return code.ctypes
 
 
 class Kernel(Compiled):
     """A function of many elements at once, which broadcasts and releases Python's lock.
 
-    Its Python function gets all inputs, each with two axes of elements (rows, columns), what it ``calls``, if
-    anything, a scratch array, and the results, which have these axes, too, and which it fills in. The
-    numbers of one element are contiguous.
+    Its Python function gets all inputs, each with two axes of elements (rows, columns), a scratch array, and the
+    results, which have these axes, too, and which it fills in. The numbers of one element are contiguous.
 
     Attributes:
         axes: number of axes that each input has for one element.
     """
 
     def __init__(
-        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (), alike: tuple[str, ...] = (),
-        calls: Called | None = None,
-    ) -> None:  # fmt: skip
+        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (), alike: tuple[str, ...] = ()
+    ) -> None:
         """Stores the arguments; nothing is compiled yet.
 
         Args:
@@ -322,38 +258,24 @@ class Kernel(Compiled):
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
             alike: names of inputs that are the same for all elements; the function takes them without axes of elements.
-            calls: what the function calls, which is the argument before ``scratch``.
         """
-        names = list(inspect.signature(function).parameters)
-        before = names.index("scratch")
-        del names[before - (calls is not None) : before + 1]
+        names = [name for name in inspect.signature(function).parameters if name != "scratch"]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         kinds = [np.dtype("int64" if name in integers else "float64") for name in names]
         arguments = [(kind, dims, name in alike) for name, kind, dims in zip(names, kinds, core, strict=True)]
         inputs = layout.split("->")[0].count("(")
         self._inputs, self._results, self._left = arguments[:inputs], arguments[inputs:], FEW
         self.axes = tuple(len(dims) for _, dims, _ in self._inputs)
-        self._calls = calls
-        super().__init__(what, function, "", error_model="numpy", nogil=True)
-
-    def _types(self, numba: Any) -> Any:
-        types = numba.types
-        number = {"f": types.float64, "i": types.int64}
-        given = []
+        types = []
         for kind, dims, same in self._inputs:
-            one, axes = number[kind.kind], len(dims) + 2 * (not same)
-            given.append(types.Array(one, axes, "A", readonly=True) if axes else one)
-        if self._calls:
-            given.append(numba.typeof(self._calls.stand_in))
-        given.append(types.Array(types.float64, 1, "C"))
-        given += [types.Array(number[kind.kind], len(dims) + 2, "C") for kind, dims, _ in self._results]
-        return types.void(*given)
+            axes = len(dims) + 2 * (not same)
+            types.append(f"Array({kind}, {axes}, 'A', readonly=True)" if axes else str(kind))
+        types.append("float64[::1]")
+        types += [f"{kind}[{', '.join([*':' * (len(dims) + 1), '::1'])}]" for kind, dims, _ in self._results]
+        super().__init__(what, function, f"void({', '.join(types)})", error_model="numpy", nogil=True)
 
-    def __call__(self, *inputs: Any, calling: bool = False) -> Any:
-        """Evaluate each element: interpreted for the first few, else compiled.
-
-        With ``calling``, what it ``calls`` is compiled, too; without, it must not be called.
-        """
+    def __call__(self, *inputs: Any) -> Any:
+        """Evaluate each element: interpreted for the first few, else compiled."""
         arrays, shapes, sizes, given = [], set(), {}, []
         for value, (kind, dims, same) in zip(inputs, self._inputs, strict=True):
             array = np.asarray(value, kind)
@@ -381,13 +303,9 @@ class Kernel(Compiled):
         count = math.prod(loop)
         if INTERPRETED or (self._compiled is None and count <= self._left):
             self._left -= count
-            code = self.function
+            code = self._function
         else:
             code = self.compiled
-        if self._calls and code is self.function:
-            given.append(self._calls.function)
-        elif self._calls:
-            given.append(self._calls.compiled if calling else self._calls.stand_in)
         code(*given, scratch(), *results)
         results = [column.reshape(loop + column.shape[2:])[()] for column in results]
         return tuple(results) if len(results) > 1 else results[0]

@@ -9,8 +9,7 @@ that of cable i.
 The *kind* of the cables is a number, by which whole loops are skipped: PLAIN cables are straight and linear; BENT ones,
 some of them, run over pulleys or have nonlinear laws; those WITH_MEMORY have laws of ``memory_kernel``; SAGGING ones,
 some of them, have mass. SAGGING cables are no springs along their paths: they have pulls and stiffness matrices
-(``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1. The last two kinds are computed by
-``OTHERS``, which kernels call: it is as long as all else, and most robots have no such cables.
+(``any_cable``), and the spring k max(e, 0) of each has k = 0 and e = −1.
 
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
@@ -23,7 +22,7 @@ import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, LAW, RADIUS, STIFFNESS, WHEEL
-from cdpr_sim.core.compiling import STRIDE, Called, address_of, array_at, inline, outlined
+from cdpr_sim.core.compiling import STRIDE, inline, outlined
 from cdpr_sim.statics.any_cable import added, any_cable, cable_of
 from cdpr_sim.statics.memory_kernel import memory_spring
 
@@ -47,8 +46,7 @@ CX, CY, CZ, BEND, CLEAR = range(10 * STRIDE, 15 * STRIDE, STRIDE)
 """State of cables that are not plain: across, bend and clear of ``cable_path.pulley_path``, 0 without a wheel."""
 
 PX, PY, PZ, XX, XY, YY, XZ, YZ, ZZ, ENERGY, TENSION = range(15 * STRIDE, 26 * STRIDE, STRIDE)
-"""State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, also of those with a memory, and tension
-at the anchors."""
+"""State of sagging cables: forces on the anchors, −∂/∂anchor of these, energy, and tension at the anchors."""
 
 DATA_ROWS, STATE_ROWS = 11 + LAW + WHEEL, 26
 
@@ -94,18 +92,9 @@ def load_lengths(d, rest_lengths):
 
 
 @inline
-def measure(d, table, kind, others, p, R, s):
-    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9); ``others`` is ``OTHERS``."""
-    measure_paths(d, len(table), kind, p, R, s)
-    if kind == BENT:
-        fill_springs(d, len(table), s)
-    elif kind != PLAIN:
-        others(address_of(d), address_of(table), len(table), table.shape[1], kind, p[0], p[1], p[2], address_of(s))
-
-
-@inline
-def measure_paths(d, m, kind, p, R, s):
-    """Fill in their paths, of PLAIN ones also the springs; of SAGGING ones, the arms are all that counts."""
+def measure(d, table, kind, p, R, s):
+    """Fill in the cables' state s with the platform at p, R (paper Eq. 8, 9)."""
+    m = len(table)
     px, py, pz = p[0], p[1], p[2]
     xx, xy, xz, yx, yy, yz, zx, zy, zz = (
         R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]
@@ -119,7 +108,10 @@ def measure_paths(d, m, kind, p, R, s):
         s[UX + i], s[UY + i], s[UZ + i] = x * inverse, y * inverse, z * inverse
         s[L + i], s[F + i] = length, inverse
         s[K + i], s[E + i] = d[STIFF + i], length - d[L0 + i]
-    if not PLAIN < kind < SAGGING:
+    if kind == PLAIN:
+        return
+    if kind == SAGGING:
+        _measure_sagging(d, table, px, py, pz, s)
         return
     wheels = 0.0
     for i in range(m):
@@ -138,45 +130,36 @@ def measure_paths(d, m, kind, p, R, s):
             s[L + i], s[F + i] = length if over else s[L + i], inverse if over else s[F + i]
             s[CX + i], s[CY + i], s[CZ + i] = cx if over else 0.0, cy if over else 0.0, cz if over else 0.0
             s[BEND + i], s[CLEAR + i] = bend if over else 0.0, clear if over else 0.0
-
-
-@inline
-def fill_springs(d, m, s):
-    """Fill in the springs of BENT cables, whose paths are known."""
+    if kind == WITH_MEMORY:
+        for i in range(m):
+            s[K + i], s[E + i], _ = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
+        return
     for i in range(m):
         s[K + i], s[E + i] = cable_law.tangent(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
 
 
-def measure_others(d_at, table_at, cables, columns, kind, px, py, pz, s_at):
-    """Fill in the state of cables WITH_MEMORY, whose paths are known, or SAGGING, with the platform's origin at p."""
-    d, s = array_at(d_at, (DATA_ROWS * STRIDE,)), array_at(s_at, (STATE_ROWS * STRIDE,))
-    table = array_at(table_at, (cables, columns))
-    for i in range(cables):
-        cable, row = cable_of(table[i], d[L0 + i]), table[i, COLUMNS:]
-        if kind == WITH_MEMORY:
-            s[K + i], s[E + i], work = memory_spring(s[L + i] - d[L0 + i], cable.rope, cable.behind, cable.law, row)
-            s[ENERGY + i] = 0.0 if s[E + i] <= 0.0 else work
-            continue
+@outlined
+def _measure_sagging(d, table, px, py, pz, s):
+    for i in range(len(table)):
         x, y, z = px + s[RX + i] - d[AX + i], py + s[RY + i] - d[AY + i], pz + s[RZ + i] - d[AZ + i]
         (
             s[PX + i], s[PY + i], s[PZ + i], s[XX + i], s[XY + i], s[YY + i], s[XZ + i], s[YZ + i], s[ZZ + i],
             s[ENERGY + i], _, s[TENSION + i], s[L + i], s[CLEAR + i],
-        ) = any_cable(x, y, z, cable, row)  # fmt: skip
+        ) = any_cable(x, y, z, cable_of(table[i], d[L0 + i]), table[i, COLUMNS:])  # fmt: skip
         s[K + i], s[E + i] = 0.0, -1.0
 
 
-OTHERS = Called("cables with mass or memory", measure_others, "ppiiidddp")
-
-
-def needs_others(table, heavy):
-    """Whether cables of this table have a memory, or mass that counts (``heavy``)."""
-    return bool(heavy) or table.shape[-1] > COLUMNS
+@outlined
+def _memory_spring(d, table, i, stretch):
+    """The tangent spring of cable i with a memory, and its energy."""
+    cable = cable_of(table[i], d[L0 + i])
+    return memory_spring(stretch, cable.rope, cable.behind, cable.law, table[i, COLUMNS:])
 
 
 @inline
-def energy(d, m, kind, s):
+def energy(d, table, kind, s):
     """Energy of the cables; nan without a path, which no step may lead to."""
-    total = 0.0
+    m, total = len(table), 0.0
     if kind == PLAIN:
         for i in range(m):
             stretch = max(s[E + i], 0.0)
@@ -186,6 +169,11 @@ def energy(d, m, kind, s):
             # A slack cable's may be 0 times infinity.
             own = cable_law.energy(s[L + i] - d[L0 + i], d[WHOLE + i], law(d, i))
             total += 0.0 if s[E + i] <= 0.0 else own
+    elif kind == WITH_MEMORY:
+        for i in range(m):
+            if not s[E + i] <= 0.0:
+                _, _, own = _memory_spring(d, table, i, s[L + i] - d[L0 + i])
+                total += own
     else:
         for i in range(m):
             total += s[ENERGY + i]

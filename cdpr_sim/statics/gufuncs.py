@@ -1,18 +1,17 @@
 """The compiled functions of many problems. All inputs broadcast; results have a row for each problem.
 
 Of each: ``Robot.cable_table`` (m, k), or that of ``MemoryLaw``; lengths in m, forces in N. ``heavy`` is 1 where cables
-have mass that counts, else 0. What knows mass and memory is called only where ``cable_kernel.needs_others``.
+have mass that counts, else 0.
 """
 
 from __future__ import annotations
 
 from cdpr_sim.core.compiling import Kernel
 from cdpr_sim.statics import balance_kernel, newton_kernel, roots_kernel, stiffness_kernel
-from cdpr_sim.statics.cable_kernel import OTHERS
 
 EQUILIBRIA = Kernel(
     "static solver", newton_kernel.solve_all, "(m,k),(m),(),(c),(d),(d),(),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
-    integers=("heavy", "iterations", "status"), alike=("free", "heavy"), calls=OTHERS,
+    integers=("heavy", "iterations", "status"), alike=("free", "heavy"),
 )  # fmt: skip
 """The solver.
 
@@ -28,7 +27,6 @@ ROOTS = Kernel(
     alike=(
         "table", "rest_lengths", "weight", "center_of_mass", "wrench", "free", "scale", "heavy", "enough", "damping"
     ),
-    calls=OTHERS,
 )  # fmt: skip
 """The search for roots of the net wrench.
 
@@ -41,7 +39,7 @@ may lie in its wheel there, where a cable has no path."""
 STIFFNESSES = Kernel(
     "stiffness and frequencies", stiffness_kernel.modes_of_all,
     "(m,k),(m),(),(),(c),(c,c),(f),(),(),(c),(c,c)->(f),()", integers=("free", "heavy"),
-    alike=("gravity", "inertia", "free", "heavy"), calls=OTHERS,
+    alike=("gravity", "inertia", "free", "heavy"),
 )  # fmt: skip
 """Stiffness and lowest natural frequency.
 

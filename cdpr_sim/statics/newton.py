@@ -25,7 +25,6 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.cable_kernel import needs_others
 from cdpr_sim.statics.gufuncs import EQUILIBRIA, STIFFNESSES
 from cdpr_sim.statics.memory_law import MemoryLaw
 
@@ -202,12 +201,12 @@ def stiffness_of(
         table: that of ``MemoryLaw``; by default the table of elastic cables.
     """
     problems, robot = equilibria.problems, equilibria.robot
-    table, heavy = problems.cable_table() if table is None else table, not robot.cabling.springs
+    table = problems.cable_table() if table is None else table
     with np.errstate(all="ignore"):
         return STIFFNESSES(
             table, problems.rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
-            np.array(robot.free), problems.characteristic_length, int(heavy), equilibria.positions,
-            equilibria.rotations, calling=needs_others(table, heavy),
+            np.array(robot.free), problems.characteristic_length, int(not robot.cabling.springs),
+            equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 
@@ -241,16 +240,15 @@ def solve_table(
     massless cables. ``table`` is that of the problem, or of ``MemoryLaw``.
     """
     robot, cabling, free = problem.robot, problem.robot.cabling, np.zeros(6)
-    heavy = not cabling.springs
     free[robot.free] = 1.0
     given = (
         table, problem.rest_lengths, problem.mass * robot.gravity, problem.center_of_mass, problem.external_wrench,
-        free, problem.characteristic_length, int(heavy), positions, rotations,
+        free, problem.characteristic_length, int(not cabling.springs), positions, rotations,
     )  # fmt: skip
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
         with np.errstate(all="ignore"):
-            return tuple(map(np.asarray, EQUILIBRIA(*given, calling=needs_others(table, heavy))))
+            return tuple(map(np.asarray, EQUILIBRIA(*given)))
 
     at, turned, lengths, pulls, residuals, iterations, status = on_threads(
         solved, given, EQUILIBRIA.axes, threads, compiling.PIECE

@@ -30,7 +30,6 @@ coordinates are lengths.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -102,14 +101,13 @@ SERIES = 1.0
 class Case(NamedTuple):
     """Data of one problem.
 
-    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; others:
-    ``cable_kernel.OTHERS``; free: 1 where the platform moves; scale: length of rotations.
+    d: of its cables, rows of ``cable_kernel``; table: that of ``Robot.cable_table``; kind: of cables; free: 1 where the
+    platform moves; scale: length of rotations.
     """
 
     d: np.ndarray
     table: np.ndarray
     kind: int
-    others: Callable
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -150,110 +148,99 @@ class Scales(NamedTuple):
 
 
 def solve_all(
-    table, rest_lengths, weight, center_of_mass, wrench, free, scale, heavy, start_position, start_rotation, others,
-    scratch, position, rotation, lengths, tensions, residual, iterations, status,
+    table, rest_lengths, weight, center_of_mass, wrench, free, scale, heavy, start_position, start_rotation, scratch,
+    position, rotation, lengths, tensions, residual, iterations, status,
 ):  # fmt: skip
     """Equilibria of (rows, columns) of problems, one after another; the arguments are those of ``gufuncs``."""
-    rows, columns, _ = rest_lengths.shape
-    d, _, _, _, _ = memory(scratch)
+    rows, columns, m = rest_lengths.shape
+    d, here, trial, model, _ = memory(scratch)
+    w, x = model.w, model.x
     kind, one_robot = ck.PLAIN, table.strides[0] == 0 and table.strides[1] == 0
     for i in range(rows):
         for j in range(columns):
             if i + j == 0 or not one_robot:
                 kind = ck.load_table(d, lent(table[i, j]))
             ck.load_lengths(d, rest_lengths[i, j])
-            p, R, found, pulls = lent(position[i, j]), lent(rotation[i, j]), lent(lengths[i, j]), lent(tensions[i, j])
-            copy_pose(start_position[i, j], start_rotation[i, j], p, R)
+            copy_pose(start_position[i, j], start_rotation[i, j], position[i, j], rotation[i, j])
             iterations[i, j] = 0
             for stage in range(1 + heavy):
                 case = Case(
-                    d, lent(table[i, j]), SAGGING if stage == 1 else kind, others, weight[i, j],
-                    lent(center_of_mass[i, j]), lent(wrench[i, j]), lent(free), scale[i, j],
+                    d, lent(table[i, j]), SAGGING if stage == 1 else kind, weight[i, j], lent(center_of_mass[i, j]),
+                    lent(wrench[i, j]), lent(free), scale[i, j],
                 )  # fmt: skip
-                residual[i, j], status[i, j], steps = _search(case, lent(scratch), p, R, found, pulls)
-                iterations[i, j] += steps
-
-
-@outlined
-def _search(case, scratch, position, rotation, lengths, tensions):
-    """Search for an equilibrium from the pose in ``position`` and ``rotation``, which get the pose that was found.
-
-    Fills in the lengths and tensions there; returns the residual, the status and the number of steps. Its own
-    ``memory`` tells the compiler the shapes of all matrices.
-    """
-    _, here, trial, model, _ = memory(scratch)
-    copy_pose(position, rotation, here.p, here.R)
-    w, x, m = model.w, model.x, len(case.table)
-    V = measure(case, here)
-    scales = scales_of(case, here)
-    first_tensions(case, here, scales.load, w)
-    unbalanced, most, ended = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
-    if not math.isfinite(V + scales.force):
-        most, ended = 0, _NOT_FINITE
-    steps, shift, certified = most, 0.0, False
-    least_reach = LEAST_REACH * ck.mean(case.d, L0, m)
-    for iteration in range(most):
-        unbalanced = fill_slopes(case, here, model)
-        balanced = unbalanced <= scales.force
-        if balanced and certified:
-            steps, ended = iteration, _CONVERGED
-            break
-        if balanced:
-            spring_tensions(here, m, w)
-        fill_curvature(case, here, model)
-        if balanced:
-            lower = np.nan if is_minimum(case, here, model) else _leave_saddle(case, here, model, V, trial)
-            if lower != lower:
-                steps, ended = iteration, _CONVERGED
-                break
-            here, trial, V, shift = trial, here, lower, 0.0
-            spring_tensions(here, m, w)
-            continue
-        accepted, decrease, fall, V_trial = False, 0.0, 0.0, V
-        longest = MAX_TRANSLATION * max(ck.mean(here.s, L, m), least_reach)
-        for _ in range(MAX_TRIALS):
-            decrease = -np.inf
-            if _model_minimum(here, model, shift, m):
-                shorten(x, longest, MAX_ROTATION * case.scale)
-                decrease = model_decrease(case, here, model)
-            # A step that changes the energy by no more than its rounding is judged by the forces, in the next
-            # iteration.
-            rounding = abs(decrease) <= energy_noise(case, here, scales, V)
-            if decrease > 0 or rounding:
-                for attempt in range(MAX_RETRACTIONS + 1):
-                    work = move(case, here, x, trial)
-                    V_trial = measure(case, trial)
-                    fall = V - (V_trial - work)
-                    if rounding or fall >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
+                copy_pose(position[i, j], rotation[i, j], here.p, here.R)
+                V = measure(case, here)
+                scales = scales_of(case, here)
+                first_tensions(case, here, scales.load, w)
+                unbalanced, most, ended = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
+                if not math.isfinite(V + scales.force):
+                    most, ended = 0, _NOT_FINITE
+                steps, shift, certified = most, 0.0, False
+                least_reach = LEAST_REACH * ck.mean(case.d, L0, m)
+                for iteration in range(most):
+                    unbalanced = fill_slopes(case, here, model)
+                    balanced = unbalanced <= scales.force
+                    if balanced and certified:
+                        steps, ended = iteration, _CONVERGED
                         break
-                    _retract(case, trial, model)
-                if fall >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
-                    accepted = True
-                    break
-            shift = larger_shift(shift, scales)
-            for k in range(m):
-                w[TAUT + k] = 1.0 if w[TAU + k] > 0 else 0.0
-        if not accepted:
-            steps, ended = iteration, _STALLED
-            break
-        # Where forces balance next, the model of this step had a minimum with the cables that are actually taut.
-        as_predicted = keep_predictions(here, trial, m, w)
-        certified = as_predicted and shift == 0.0 and case.kind != SAGGING
-        if fall > TRUSTED * decrease:
-            shift = smaller_shift(shift, scales)
-        here, trial, V = trial, here, V_trial
-    rough = case.kind == SAGGING and unbalanced > POLISHED * scales.force
-    if ended == _CONVERGED and rough and is_minimum(case, here, model):
-        left = _polish(case, here, trial, model)
-        if left < unbalanced:
-            here, trial, unbalanced = trial, here, left
-            steps += 1
-    if not ck.on_wheels(case.kind, here.s, m):
-        ended = _OFF_WHEEL
-    copy_pose(here.p, here.R, position, rotation)
-    for k in range(m):
-        lengths[k], tensions[k] = here.s[L + k], ck.tension(case.kind, here.s, k)
-    return unbalanced, ended, steps
+                    if balanced:
+                        spring_tensions(here, m, w)
+                    fill_curvature(case, here, model)
+                    if balanced:
+                        lower = np.nan if is_minimum(case, here, model) else _leave_saddle(case, here, model, V, trial)
+                        if lower != lower:
+                            steps, ended = iteration, _CONVERGED
+                            break
+                        here, trial, V, shift = trial, here, lower, 0.0
+                        spring_tensions(here, m, w)
+                        continue
+                    accepted, decrease, fall, V_trial = False, 0.0, 0.0, V
+                    longest = MAX_TRANSLATION * max(ck.mean(here.s, L, m), least_reach)
+                    for _ in range(MAX_TRIALS):
+                        decrease = -np.inf
+                        if _model_minimum(here, model, shift, m):
+                            shorten(x, longest, MAX_ROTATION * case.scale)
+                            decrease = model_decrease(case, here, model)
+                        # A step that changes the energy by no more than its rounding is judged by the forces, in the
+                        # next iteration.
+                        rounding = abs(decrease) <= energy_noise(case, here, scales, V)
+                        if decrease > 0 or rounding:
+                            for attempt in range(MAX_RETRACTIONS + 1):
+                                work = move(case, here, x, trial)
+                                V_trial = measure(case, trial)
+                                fall = V - (V_trial - work)
+                                if rounding or fall >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
+                                    break
+                                _retract(case, trial, model)
+                            if fall >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
+                                accepted = True
+                                break
+                        shift = larger_shift(shift, scales)
+                        for k in range(m):
+                            w[TAUT + k] = 1.0 if w[TAU + k] > 0 else 0.0
+                    if not accepted:
+                        steps, ended = iteration, _STALLED
+                        break
+                    # Where forces balance next, the model of this step had a minimum with the cables that are actually
+                    # taut.
+                    as_predicted = keep_predictions(here, trial, m, w)
+                    certified = as_predicted and shift == 0.0 and case.kind != SAGGING
+                    if fall > TRUSTED * decrease:
+                        shift = smaller_shift(shift, scales)
+                    here, trial, V = trial, here, V_trial
+                rough = case.kind == SAGGING and unbalanced > POLISHED * scales.force
+                if ended == _CONVERGED and rough and is_minimum(case, here, model):
+                    left = _polish(case, here, trial, model)
+                    if left < unbalanced:
+                        here, trial, unbalanced = trial, here, left
+                        steps += 1
+                if not ck.on_wheels(case.kind, here.s, m):
+                    ended = _OFF_WHEEL
+                copy_pose(here.p, here.R, position[i, j], rotation[i, j])
+                for k in range(m):
+                    lengths[i, j, k], tensions[i, j, k] = here.s[L + k], ck.tension(case.kind, here.s, k)
+                residual[i, j], status[i, j] = unbalanced, ended
+                iterations[i, j] += steps
 
 
 @inline
@@ -403,10 +390,10 @@ def measure(case, at):
     """
     weight, com, wrench = case.weight, case.com, case.wrench
     p, R = at.p, at.R
-    ck.measure(case.d, case.table, case.kind, case.others, p, R, at.s)
+    ck.measure(case.d, case.table, case.kind, p, R, at.s)
     V = weight * (p[2] + R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2])
     V -= wrench[0] * p[0] + wrench[1] * p[1] + wrench[2] * p[2]
-    return V + ck.energy(case.d, len(case.table), case.kind, at.s)
+    return V + ck.energy(case.d, case.table, case.kind, at.s)
 
 
 @inline
@@ -609,7 +596,7 @@ def _retract(case, trial, model):
         model.x[a] += rhs[a]
 
 
-@outlined
+@inline
 def _fill_missed_slope(case, trial, model):
     g = np.empty(6)
     fill_slopes(case, trial, Model(model.w, g, model.H, model.A, model.rhs, model.x))
@@ -617,7 +604,7 @@ def _fill_missed_slope(case, trial, model):
         model.rhs[a] = model.w[WEIGHTS + a] - g[a]
 
 
-@outlined
+@inline
 def _polish(case, here, trial, model):
     """One more Newton step from a minimum; return what is unbalanced there, nan where a cable has no path."""
     for a in range(6):
@@ -636,7 +623,7 @@ def is_minimum(case, at, model):
     return factorise(model.A, 6)
 
 
-@outlined
+@inline
 def _leave_saddle(case, here, model, V, trial):
     """Step to a lower point along the direction of most negative curvature; return V there, nan where there is none."""
     H = np.empty((6, 6))

@@ -30,8 +30,8 @@ class ModesScratch(NamedTuple):
 
 
 def modes_of_all(
-    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, heavy, position, rotation, others,
-    scratch, eigenvalues, frequency,
+    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, heavy, position, rotation, scratch,
+    eigenvalues, frequency,
 ):  # fmt: skip
     """Eigenvalues of the stiffness matrix and lowest natural frequency at (rows, columns) of poses."""
     rows, columns, m = rest_lengths.shape
@@ -51,7 +51,7 @@ def modes_of_all(
             if heavy:
                 kind = SAGGING
             ck.load_lengths(d, rest_lengths[i, j])
-            ck.measure(d, cables, kind, others, lent(position[i, j]), R, here.s)
+            ck.measure(d, cables, kind, lent(position[i, j]), R, here.s)
             frequency[i, j] = fill_modes(
                 kind, here.s, model.w, m, mass[i, j], gravity, lent(center_of_mass[i, j]), inertia, free, scale[i, j],
                 R, own,
