@@ -127,6 +127,8 @@ TOLD = [  # a file, what is changed in it, what is read of the robot, and words 
     ("crane_bologna.json", {"[[0], [0], [1]]": "[[0], [0], [0.166]]"}, "gravity", 0.166 * 9.80665,
      ["Inactive actuators were left out, 1 of its 5", "Transmission ratios", "external force (1.0, 0.0, 0.0) N"]),
     ("crane_bologna.json", {"[[0], [0], [1]]": "[[0.6], [0], [0.8]]"}, "gravity", 9.80665, ["turned by 36.9 degrees"]),
+    ("crane_bologna.json", {"[[0], [0], [1]]": "[[1e-4], [0], [1]]"}, "gravity", 9.80665 * np.hypot(1, 1e-4),
+     ["turned by 0.00573 degrees"]),  # of a ten-thousandth
     ("crane_bologna.json", {"[[0], [0], [1]]": "[[0.6], [0], [0.8]]"}, "exits",  # heights stay; it is not mirrored
      lambda found: [found[:, 2], np.linalg.det(found[1:])]
      == [pytest.approx(EXITS @ [0.6, 0, 0.8]), pytest.approx(np.linalg.det(EXITS[1:]))], []),
