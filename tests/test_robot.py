@@ -187,3 +187,12 @@ def test_a_method_refuses_a_property_that_it_does_not_know(monkeypatch, method, 
     made = cdpr.load_robot("two-cable").replace(winch_to_exit=3.0)
     with pytest.raises(cdpr.InvalidInput, match="found winch_to_exit in cable 1, expected cables without"):
         method(cdpr.Problem.of(made, made.home))
+
+
+def test_what_acts_only_with_another_property_is_had_by_cables_with_both(catalogue, monkeypatch):
+    """A wheel's axis, whose default acts, by all wheels; one of wheels that is 0 by default, by those it has."""
+    robot = catalogue["cogiro"].replace(pulley_radius=[0.0, 0.02] * 4, pulley_friction=[0.0, 0.05, 0.05, 0.0] * 2)
+    assert robot.cabling.has("pulley_axis").tolist() == [False, True] * 4
+    of_wheels = dataclasses.replace(PROPERTIES["pulley_friction"], only_with="pulley_radius")
+    monkeypatch.setitem(PROPERTIES, "pulley_friction", of_wheels)
+    assert robot.cabling.has("pulley_friction").tolist() == [False, True, False, False] * 2

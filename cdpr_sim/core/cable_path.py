@@ -9,6 +9,7 @@ Functions of coordinates work on arrays and, compiled, on numbers alike.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -35,8 +36,8 @@ def wheel_at(numbers, first, step):
     return numbers[first], numbers[first + step], numbers[first + 2 * step], numbers[first + 3 * step]
 
 
-def wheel_of(cabling, which):
-    """The wheels of some cables, by an index."""
+def wheel_of(cabling: Cabling, which: Any) -> tuple[Float[np.ndarray, "*pulleys"], ...]:
+    """``wheel_at`` of some cables, by an index."""
     return cabling.pulley_radius[which], *cabling.pulley_axis[which].T
 
 

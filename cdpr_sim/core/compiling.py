@@ -367,7 +367,7 @@ def compiler() -> str:
     """
     from importlib.metadata import version
 
-    state = [version("numba"), version("llvmlite"), platform.machine(), platform.processor()]
+    state = [version("numba"), platform.machine(), platform.processor()]
     settings = {name for name in os.environ if name.startswith("NUMBA_")} - {"NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS"}
     state += [f"{name}={os.environ[name]}" for name in sorted(settings)]
     with suppress(OSError):  # of Linux

@@ -10,8 +10,7 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,8 +119,8 @@ class Law:
 
     def some(self, which: Any) -> Law:
         """The law of some cables, by an index of the last dimension."""
-        names = [one.name for one in fields(self) if one.name != "linear"]
-        return replace(self, **{name: getattr(self, name)[..., which] for name in names})
+        numbers = {name: getattr(self, name)[..., which] for name in self.__dict__ if name != "linear"}
+        return replace(self, **numbers)
 
     @property
     def behind(self) -> Float[np.ndarray, " cables"]:
@@ -176,14 +175,10 @@ class Law:
         """Rest lengths of cables with these strains that are ``lengths`` long [m]."""
         return (lengths - strains * self.added) / (1 + strains)
 
-    @cached_property
-    def _shared(self) -> Float[np.ndarray, "*#batch cables"]:
-        """Stiffness of tendons for a metre of rope [N]: all parts of line pull, and each is as many times shorter."""
-        return self.parts * self.parts * self.stiffness
-
     def _over(self, ropes: Float[np.ndarray, "*#batch"]) -> Springs:
         """Springs of tendons for ropes of these unstretched lengths [m]."""
-        parts, stiffness = self.parts, self._shared / ropes
+        parts = self.parts
+        stiffness = parts * parts * self.stiffness / ropes
         if self.linear:
             none = np.zeros(stiffness.shape)
             return Springs(stiffness, none, none)

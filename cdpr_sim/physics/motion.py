@@ -404,9 +404,7 @@ class Motion:
             self._dampers[:] = 0.0 if resisting is None else resisting
             return pull
         velocity, winding = self._jacobian @ self._qvel, self._winding()
-        drag = self._cable_damping * slope
-        if self._gives_way:
-            drag *= self._stretching(slope) ** 2
+        drag = self._cable_damping * slope * self._stretching(slope) ** 2
         if self._ropes is not None:
             own, slides = self._foreign, (self.motors & ~self._sticks)[simulation.with_memory]
             extra = np.zeros_like(pull) if extra is None else extra

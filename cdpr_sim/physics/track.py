@@ -218,8 +218,8 @@ def _run(
             looked = sensing.due(time + passed)
             if looked:
                 machine.look()
-            if looked and machine.finite:
-                sensing.sample(time + passed, machine.seen())
+                if machine.finite:
+                    sensing.sample(time + passed, machine.seen())
         if not looked:
             machine.look()
 

@@ -93,7 +93,7 @@ class Catenary(NamedTuple):
 
 
 class AnyCable(NamedTuple):
-    """What is given of one cable: the wheel and its radius, lengths [m], the law, and weight per length [N/m].
+    """What is given of one cable: the wheel, of which the radius is first, lengths [m], the law, and weight [N/m].
 
     The lengths are what of the rope is massless at the exit, the rope behind it, the rest length from exit to anchor,
     the rope in it, what is rigid of it, and the rope that stretches in all. Last, the exit's compliance along x, y, z
@@ -101,7 +101,6 @@ class AnyCable(NamedTuple):
     """
 
     wheel: tuple[float, ...]
-    radius: float
     wrapped: float
     behind: float
     rest_length: float
@@ -159,7 +158,7 @@ _ANY = Kernel("laws of cables of any kind", _all, "(k),(c),()->(c),(c,c),(),(),(
 def cable_of(row, rest_length):
     """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        wheel_at(row, RADIUS, 1), row[RADIUS], row[WRAPPED], row[BEHIND], rest_length,
+        wheel_at(row, RADIUS, 1), row[WRAPPED], row[BEHIND], rest_length,
         rest_length - row[RIGID], row[RIGID], rest_length + added(row), cable_law.at(row, STIFFNESS, 1), row[WEIGHT],
         row[GIVES], row[GIVES + 1], row[GIVES + 2],
     )  # fmt: skip
@@ -270,7 +269,7 @@ def _first_move(x, y, z, cable):
 def _from_fixed_exit(x, y, z, cable, row):
     """``any_cable`` of an exit that does not give way."""
     elastic = len(row) == 0 or row[KIND] == ELASTIC
-    straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0 and cable.rigid == 0.0
+    straight = cable.wheel[0] == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0 and cable.rigid == 0.0
     if elastic and straight and cable_law.linear(cable.law):
         half = 0.5 * cable.weight * cable.rest_length
         t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.law[0], cable.weight)
@@ -286,7 +285,7 @@ def _from_fixed_exit(x, y, z, cable, row):
 @inline
 def _wheel_path(x, y, z, cable):
     """(length, straight piece from wheel to anchor x, y, z, its length, across x, y, z, bend, wrap, clear)."""
-    if cable.radius == 0.0:
+    if cable.wheel[0] == 0.0:
         length = np.sqrt(x * x + y * y + z * z)
         return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = pulley_path(-x, -y, -z, cable.wheel)
@@ -314,7 +313,7 @@ def _massless(x, y, z, cable, row, elastic):
 @outlined
 def _with_mass(x, y, z, cable, row, elastic):
     """Newton's method on the span of the free part; what it misses is B − A."""
-    radius, rest, law = cable.radius, cable.rest_length, cable.law
+    radius, rest, law = cable.wheel[0], cable.rest_length, cable.law
     L = cable.rope - cable.wrapped
     G, weight = cable.wrapped + cable.behind, cable.weight * L
     length, fx, fy, fz, free, _, _, _, _, wrap, clear = _wheel_path(x, y, z, cable)
@@ -412,7 +411,7 @@ def _guided(t, cable, G, row, elastic):
         more, per_newton, work = stretch_at_exit(T, cable.rope, cable.behind, cable.law, row)
         f, wider = cable.wrapped * (1 + eps) + more, cable.wrapped * slope + per_newton
         Psi = cable.wrapped * (T * (1 + eps) - energy) + work
-    if cable.radius == 0.0:
+    if cable.wheel[0] == 0.0:
         return (f * u[0], f * u[1], f * u[2]), _around(f / T, wider - f / T, u), Psi
     r, ex, ey, ez = cable.wheel
     cosine = u[0] * ex + u[1] * ey + u[2] * ez
