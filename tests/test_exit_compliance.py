@@ -1,8 +1,11 @@
 """Exits that give way (``exit_compliance``): closed forms in statics and in MuJoCo, limits, and what refuses them."""
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
+from inputs import run, said
 
 import cdpr_sim as cdpr
 from cdpr_sim.drawing.cable_curves import with_moved_exits
@@ -121,3 +124,20 @@ def test_drawn_exits_of_cables_with_mass_are_where_their_profiles_begin():
     np.testing.assert_allclose(drawn - robot.exits, 10 * (shapes[:, 0] - robot.exits), rtol=0, atol=1e-12)
     without = with_moved_exits(robot, anchors, one.tensions, None, 10.0).exits
     assert np.abs(drawn - without).max() > 0.05 * np.abs(drawn - robot.exits).max()
+
+
+def test_settling_shows_details_of_a_frame_that_gives_way_and_proves_only_when_asked_to(tmp_path):
+    """Proofs do not know such exits: --certify says so, and all else is answered with the extra installed, too."""
+    pytest.importorskip("flint")
+    file = cdpr.write_robot(tmp_path / "soft.toml", cdpr.load_robot("parallel").replace(exit_compliance=1e-3))
+    told = run("settle", file, "--json")
+    assert told.exit_code == 0, told.stderr
+    assert json.loads(told.stdout)["agrees"]
+    table = run("settle", file, "--all")
+    assert (table.exit_code, "unbalanced" in table.stdout, "proved" in table.stdout) == (0, True, False)
+    assert "proved within" in run("settle", "parallel", "--all").stdout
+    refused = run("settle", file, "--certify")
+    assert refused.exit_code == 2
+    assert said(refused.stderr).endswith(
+        "exit_compliance in cable 1, expected cables without: proof does not take it into account"
+    )

@@ -48,7 +48,8 @@ def settle(
         typer.Option(
             "--certify/--no-certify",
             help="Show the proved equilibrium in a column; for planar robots, prove that there are no others. By "
-            "default, with --all, one row shows the proved errors if the extra proof is installed.",
+            "default, with --all, one row shows the proved errors if the extra proof is installed and knows such "
+            "cables.",
         ),
     ] = None,
     waypoint: Waypoints = None,
@@ -75,14 +76,17 @@ def settle(
         machine, load = robot_of(robot, material, mass, pretension), wrench_of(wrench)
         _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), load, as_json)
     problem = problem_of(robot, pose, material, pretension, mass, wrench)
+    cabling = problem.robot.cabling
     if certify:
         extras.require("proof", "--certify")
-        problem.robot.cabling.refuse_memory()
+        cabling.refuse_memory()
+        cabling.refuse_unknown("proof")
     details = details or as_json
-    if not details or problem.robot.cabling.has_memory.any():
-        methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables only
+    methods = METHODS[:1] if not details or cabling.has_memory.any() else METHODS  # SEECR knows elastic cables only
+    if certify is None:
+        proving = details and not extras.missing("proof") and not cabling.unknown_to("proof")
     else:
-        methods = METHODS
+        proving = certify
     with busy("Solving for the static equilibrium"):
         newton, *seecr = (_outcome(problem, method) for method in methods)
     settled = cdpr.settle(problem, progress=True)
@@ -90,7 +94,6 @@ def settle(
         raise newton
     agreement = cdpr.compare(newton, settled)
     outcomes = [settled, newton, *seecr]
-    proving = details and not extras.missing("proof") if certify is None else certify
     proved = [cdpr.certify(one) for one in outcomes if proving and isinstance(one, cdpr.Equilibrium)]
     complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:

@@ -380,12 +380,15 @@ class Cabling(Cables, Frozen):
         Raises:
             InvalidInput: some cable has one of them.
         """
-        for name in (one.name for one in PROPERTIES.values() if method not in one.known_to):
-            if self.has(name).any():
-                raise InvalidInput(
-                    f"{what}: found {name} in cable {int(np.argmax(self.has(name))) + 1}, expected cables without: "
-                    f"{method} does not take it into account"
-                )
+        for name in self.unknown_to(method):
+            raise InvalidInput(
+                f"{what}: found {name} in cable {int(np.argmax(self.has(name))) + 1}, expected cables without: "
+                f"{method} does not take it into account"
+            )
+
+    def unknown_to(self, method: Method) -> list[str]:
+        """Properties that some cable has and a method does not take into account."""
+        return [one.name for one in PROPERTIES.values() if method not in one.known_to and self.has(one.name).any()]
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
